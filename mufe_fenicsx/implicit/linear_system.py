@@ -73,7 +73,6 @@ class LinearSystem:
         kind = database.getString("mat_type", str(chosen.get("mat_type", "aij")))
         self._type = "baij" if kind.endswith("baij") else "aij"
         self.matrix = self._new_matrix(self._type)
-        self.num_patterns = 0  #: times that the pattern was made
 
     def prepare(self, ksp):
         """Complete a solver of PETSc whose options have been read: nothing to do here."""
@@ -135,7 +134,6 @@ class LinearSystem:
         self.matrix.setPreallocationCOO(rows, columns)
         self._values = np.empty(rows.size)
         self.matrix.setNearNullSpace(self._rigid_motions())
-        self.num_patterns += 1
 
     def _rigid_motions(self):
         places = PETSc.Vec().createWithArray(self.mesh.x.ravel().copy(), bsize=3, comm=self.comm)

@@ -112,7 +112,6 @@ class NearSystem(LinearSystem):
         self._before, self.matrix = self.matrix, self._base.duplicate()
         if self._type != "baij":
             self.matrix.setNearNullSpace(self._rigid_motions())
-        self.num_patterns += 1
 
     def _add(self, matrix, keys, values):
         rows, columns = (k.astype(PETSc.IntType)[:, None] for k in np.divmod(keys, self.size))

@@ -106,26 +106,6 @@ def self_locking_friction(stiffness, spring, normal, slip):
     return -(1.0 / spring + normal @ C @ normal) / across if across < 0.0 else np.inf
 
 
-def sudden_stress(speed, wave_speed, modulus, time, length):
-    """Stress that a platen which starts at full speed feels at a column on a fixed base [Pa].
-
-    Each front brings ρ c v, and twice that whenever it is back after 2 L/c:
-
-        σ = ρ c v (1 + 2 floor(t c/2L)),  ρ c = M/c.
-
-    Args:
-        speed: v [m/s].
-        wave_speed: c [m/s].
-        modulus: M [Pa].
-        time: Since the start [s].
-        length: Of the column [m].
-
-    Source: K. F. Graff, Wave Motion in Elastic Solids, 1975, section 2.2.
-    """
-    turns = np.floor(0.5 * np.asarray(time) * wave_speed / length)
-    return modulus * speed / wave_speed * (1.0 + 2.0 * turns)
-
-
 def necking_strain(first_yield, hardening):
     """Logarithmic strain at which a bar in tension carries the most: dσ/dε = σ.
 

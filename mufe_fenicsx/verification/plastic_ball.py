@@ -26,7 +26,6 @@ class Course:
 
     approach: np.ndarray  #: of the plane and the base, from first touch [m]
     force: np.ndarray  #: on the plane [N]
-    base_force: np.ndarray  #: on the base [N]
     area: np.ndarray  #: of the contact [m²]
     strain: np.ndarray  #: largest plastic strain
     force_at_yield: float  #: when the first element below the surface yields [N]; nan if none does
@@ -150,9 +149,8 @@ def press_ball(
             force_at_yield = force
         if s.state.num_steps % every:
             return
-        base_force = -float(s.walls.force[1 - plane] @ s.walls.normal[1 - plane])
         way = _way(s, plane, top)
-        rows.append((way, force, base_force, contact_area(s, plane), float(strain.max())))
+        rows.append((way, force, contact_area(s, plane), float(strain.max())))
         e = s.energies()
         if way > 0.5 * approach and e["work"] > 0:
             kinetic = max(kinetic, e["kinetic"] / e["work"])

@@ -12,7 +12,6 @@ from ...materials.sand import SAND
 from ...run.from_bodies import axis_planes, build, drive, settle
 from ..case import case, compare
 from ..fidelity import lattice
-from .limits import shake
 
 #: Of the platen while it loads and of the record while it rests.
 STRAIN, RECORDS = 0.04, 500
@@ -42,14 +41,13 @@ def loaded_packing(comm, counts=(2, 2, 2), element_size=0.6, friction=0.3):
     return s
 
 
-def rest(comm, num_steps=1_000_000, records=RECORDS, speed=0.0):
+def rest(comm, num_steps=1_000_000, records=RECORDS):
     """What changes while the packing rests, without damping; of one rank.
 
     Args:
         comm: MPI communicator.
         num_steps: Time steps.
         records: Rows, evenly.
-        speed: Of random motion at the start [m/s], which then stays: nothing damps it.
 
     Returns:
         Steps; difference of the sum of all energies from the first over the stored ones;
@@ -57,7 +55,6 @@ def rest(comm, num_steps=1_000_000, records=RECORDS, speed=0.0):
         largest way of a node over the mean edge of facets; contacts; simulation.
     """
     s = loaded_packing(comm)
-    shake(s, speed)
     first, x0 = s.energies(), s.state.x.copy()
     stored = first["elastic"] + first["contact"]
     forces0, contacts0 = s.wall_forces(), s.num_contacts
