@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 from ..kernels.pairs import PairForces, pair_energy
 from ..kernels.rows import gather_rows
+from ..kernels.walls import wall_energy
 from ..state import Stateful
 from .laws import LARGEST_DEPTH, edge_of_area
 from .mirrors import nodes_on_mirrors
@@ -185,10 +186,9 @@ class Contact(Stateful):
         """
         old, points = self.pairs, self.points
         self.pairs = search_pairs(
-            self.ghosts.positions.array, points.num_points, points.grain_of_point,
-            self.ghosts.facets, self.surface, reach + highest(self.surface.bulge_of_facet),
-            np.maximum(-points.recess, 0.0), self.motion.bound,
-            points.depth if self.self_contact else None, self.first_tool,
+            self.ghosts.positions.array, points, self.ghosts.facets, self.surface,
+            reach + highest(self.surface.bulge_of_facet), self.motion.bound,
+            self.layers.strengths.any, self.self_contact, self.first_tool,
         )  # fmt: skip
         if old is not None:
             self.pairs.transfer(old, self.surface.global_facet, wait)
@@ -205,8 +205,8 @@ class Contact(Stateful):
         whole_reach = reach + motion.overlap
         self.edges.search(of_nodes, len(nodes), self.surface, whole_reach, motion.bound)
         self.walls.search(
-            of_points, nodes, points.corner, points.grain_of_point, reach + self.layers.rise,
-            motion.bound, self._tools() if self.walls.pairs is None else None,
+            of_points, nodes, points, reach + self.layers.rise, motion.bound,
+            self.layers.strengths.any, self._tools() if self.walls.pairs is None else None,
         )  # fmt: skip
         self.walls.near.enclose(self.comm, self.walls, of_points, reach + self.layers.rise)
 
@@ -287,30 +287,16 @@ class Contact(Stateful):
 
     def bind(self):
         """Let the kernels know the arrays of new pairs, which stay where they are. Local."""
-        p, points, layers, ghosts = self.pairs, self.points, self.layers, self.ghosts
-        moved = p.motion_bounds
-        x, forces = ghosts.positions.array, ghosts.forces.array
+        p, points, work = self.pairs, self.points, self.dissipation.dents.work
         if p.forces is None:
-            s = self.surface
             p.friction_row = self.friction.rows(points.grain_of_point[p.node], p.grain)
+            p.name_dents(self.layers.strengths, points, p.grain)
             p.forces = PairForces(
-                p.state, p.next_check, p.candidate_next_check, moved.bounds, moved.of, p.closest,
-                p.node, p.first, p.candidate,
-                ghosts.facets, s.neighbour, ghosts.ring_offset, ghosts.ring, self.edges.beside,
-                points.layer, s.layer_of_facet, points.area, points.facet_area, s.area_of_facet,
-                points.depth, s.depth_of_facet, s.bulge_of_facet, points.curvature,
-                s.curvature_of_facet, layers.steepest, points.recess, layers.ratio, ghosts.around,
-                points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
-                self.friction.coefficients, p.friction_row, layers.strengths.tables,
-                layers.strengths.offsets(points.grain_of_point[p.node], p.grain),
-                layers.plastic_strain, self.dissipation.dents.work, points.cell[p.node],
-                layers.dents, p.grain.astype(np.int32), p.dent, p.slope_left,
+                p, points, self.surface, self.ghosts, self.layers, self.edges.beside,
+                self._early_pairs(), self.friction.coefficients, work,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
-            self.walls.bind(
-                forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths,
-                layers.plastic_strain, self.dissipation.dents.work, layers.dents,
-            )  # fmt: skip
+            self.walls.bind(points, self.ghosts, self.layers, work)
 
     def _early_pairs(self):
         """Pairs with grains of other ranks, whose forces travel while the others are found."""
@@ -365,17 +351,18 @@ class Contact(Stateful):
             left_out: Whether pairs of each body with others do not count, shape (num_bodies,);
                 None: all pairs count.
         """
-        p, points, ratio = self.pairs, self.points, self.layers.ratio
-        closed = p.closed
+        p, closed = self.pairs, self.pairs.closed
         if left_out is not None:
-            closed = closed & ~(left_out[points.grain_of_point[p.node]] | left_out[p.grain])
-        pairs, num_pairs = pair_energy(
-            p.gap, p.offset, closed, p.stiffness, p.softer, p.shear, p.node, ratio, p.largest_depth
+            own = self.points.grain_of_point[p.node]
+            closed = closed & ~(left_out[own] | left_out[p.grain])
+        walls = self.walls.pairs
+        found = (
+            pair_energy(p.state, closed),
+            self.edges.energy(left_out),
+            wall_energy(walls.state, walls.closed),
         )
-        edges, num_edges = self.edges.energy(left_out)
-        walls, num_walls = self.walls.energy(points.layer, points.area, ratio)
-        energy = 0.0 if self.layers.kinematic else pairs + edges + walls
-        return energy, num_pairs + num_edges + num_walls
+        energy, number = map(sum, zip(*found, strict=True))
+        return (0.0 if self.layers.kinematic else energy), number
 
     def counts(self):
         """Closed pairs, those with an offset of the start, and those at their largest force. Local.

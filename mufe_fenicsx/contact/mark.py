@@ -1,7 +1,5 @@
 """The state of all contacts kept, to evaluate them again from there."""
 
-from ..kernels.pairs import column
-from ..kernels.walls import COLUMNS as OF_WALLS
 from ..state import copied
 
 
@@ -38,7 +36,5 @@ class ContactMark:
 
     def of_points(self, name):
         """An array of pairs with facets and of those with walls then, which may be changed."""
-        return tuple(
-            kept[name] if name in kept else column(kept["state"], name, *columns)
-            for kept, columns in ((self._pairs, ()), (self._walls, (OF_WALLS,)))
-        )
+        pairs, walls = self.contact.pairs, self.contact.walls.pairs
+        return pairs.of_mark(self._pairs, name), walls.of_mark(self._walls, name)

@@ -198,7 +198,7 @@ def contact_tables(contact, mesh):
             "count": count,
             "closest": closest,
             **p.motion_bounds.of_pairs(),
-            **{name: getattr(p, name) for name in p.KEPT},
+            **{name: getattr(p, name) for name in p.kept},
         },
         "candidates": {
             "grain": Rows(names.point_grain, p.node, count),
@@ -209,7 +209,7 @@ def contact_tables(contact, mesh):
             **names.points(w.node),
             "wall": w.wall,
             **w.motion_bounds.of_pairs(),
-            **{name: getattr(w, name) for name in w.KEPT},
+            **{name: getattr(w, name) for name in w.kept},
         },
         "edge_pairs": {
             "grain": e.grain,
@@ -322,13 +322,15 @@ def _pairs(contact, names, table, candidates):
         (np.repeat(partner, count), candidates.pop("facet")[place]),
         "facet",
     ).astype(np.int32)
-    points = contact.points.grain_of_point
-    pairs = Pairs(node[order], partner, new_first, facet, points, contact.motion.bound)
+    pairs = Pairs(
+        node[order], partner, new_first, facet, contact.points, contact.motion.bound,
+        contact.layers.strengths.any,
+    )  # fmt: skip
     pairs.motion_bounds.take((name, table.pop(name)[order]) for name in pairs.motion_bounds.KEPT)
     pairs.candidate_next_check[:] = candidates.pop("next_check")[place]
     closest = table["closest"][order]
     pairs.closest[:] = np.where(closest >= 0, new_first[:-1] + closest, -1)
-    for name in pairs.KEPT:
+    for name in pairs.kept:
         getattr(pairs, name)[:] = table.pop(name)[order]
     return pairs
 
@@ -336,10 +338,12 @@ def _pairs(contact, names, table, candidates):
 def _wall_pairs(contact, names, table):
     node = names.rows_of_points(table).astype(np.int32)
     order = np.lexsort((table["wall"], node))
-    grains = contact.points.grain_of_point
-    pairs = WallPairs(node[order], table["wall"][order], grains, contact.motion.bound)
+    pairs = WallPairs(
+        node[order], table["wall"][order], contact.points, contact.motion.bound,
+        contact.layers.strengths.any,
+    )  # fmt: skip
     pairs.motion_bounds.take((name, table.pop(name)[order]) for name in pairs.motion_bounds.KEPT)
-    for name in pairs.KEPT:
+    for name in pairs.kept:
         getattr(pairs, name)[:] = table.pop(name)[order]
     pairs.stiffness[:] = contact.points.area[pairs.node] / contact.points.layer[pairs.node]
     return pairs

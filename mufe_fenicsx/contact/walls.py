@@ -11,23 +11,15 @@ from ..arguments import check_fields, finite_number
 from ..errors import InputError, finite_array, nearest_name, shortened, shown
 from ..kernels.bonded import turn_rows
 from ..kernels.motion import advance, work_of
-from ..kernels.pairs import column
 from ..kernels.transfer import transfer_pairs
-from ..kernels.walls import (
-    COLUMNS,
-    WallForces,
-    closed_stiffness,
-    find_wall_candidates,
-    gaps_to_walls,
-    wall_energy,
-)
+from ..kernels.walls import WallForces, closed_stiffness, find_wall_candidates, gaps_to_walls
 from ..state import Stateful
 from .bonded import find_bonded
 from .curved_walls import CurvedWalls
-from .laws import kinetic_of
+from .laws import edge_of_area, kinetic_of
 from .mirrors import nodes_on_mirrors
 from .near_walls import NearWalls
-from .pairs.wall_pairs import REMEMBERED, WallPairs
+from .pairs.wall_pairs import WallPairs
 from .surface.bulges import against_walls, bend_at_walls
 
 #: Part α of the force that a servo lacks which one step may change: stable below 1 at the longest
@@ -217,7 +209,7 @@ class Walls(Stateful):
     def gaps_of_pairs(self, x):
         """Gaps of all pairs where points of contact are at ``x``, (num_points, 3) [m]. Local."""
         p = self.pairs
-        return self.gaps(x[p.node], p.wall)[0] + p.recess + p.dent
+        return self.gaps(x[p.node], p.wall)[0] + p.recess
 
     def normals_and_curvature(self, x, wall):
         """Normals of walls at places, (num, 3), and their curvature [1/m], shape (num,). Local.
@@ -294,19 +286,20 @@ class Walls(Stateful):
         """
         self.bonded = find_bonded(x, label, self.walls)
 
-    def search(self, x, nodes, corner, grain_of_point, reach, bound, tools=None):
+    def search(self, x, nodes, points, reach, bound, yields, tools=None):
         """Find the points near each wall and transfer what their pairs remember. Local.
 
         Args:
             x: Positions of this rank's points of contact [m], shape (num_points, 3).
             nodes: Positions of its surface nodes [m], shape (num_nodes, 3).
-            corner: Nodes around each point, shape (num_points, 3).
-            grain_of_point: Global grain of each, shape (num_points,).
+            points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
             reach: Largest gap [m].
             bound: Of all relative motion so far [m].
+            yields: Whether some body of all ranks can yield.
             tools: At the first search, which nodes and which points are of tools, which pass
                 through walls; None: none is.
         """
+        corner = points.corner
         if self.pairs is None:
             if tools is not None:
                 self.bonded[tools[0]] = -1
@@ -319,44 +312,35 @@ class Walls(Stateful):
         node, wall = find_wall_candidates(
             x, self._held, self.point, self.normal, self.curved.radius, reach
         )
-        pairs = WallPairs(node, wall, grain_of_point, bound)
+        pairs = WallPairs(node, wall, points, bound, yields)
+        sag = self.curved.sag_of(node, wall)
+        if sag is not None:
+            pairs.recess[:] = np.where(np.isfinite(sag), -sag, pairs.recess)
         if self.pairs is not None:
             source = transfer_pairs(self.pairs.node, self.pairs.wall, node, wall)
             new = np.flatnonzero(source >= 0)
-            source = source[new]
-            for name in REMEMBERED:
-                getattr(pairs, name)[new] = getattr(self.pairs, name)[source]
+            pairs.take_rows(new, self.pairs, source[new])
             pairs.motion_bounds.transfer(self.pairs.motion_bounds)
             pairs.next_check[:] = pairs.motion_bounds.now
         self.pairs = pairs
 
-    def bind(self, f, x, corners, layer, points, ratio, strengths, strain, work, dents):
+    def bind(self, points, ghosts, layers, work):
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
 
         Args:
-            f, x: Forces [N] and positions [m] of points and nodes.
-            corners: Nodes and weights of points in facets, kernels.points.
-            layer, ratio: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
-            points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
-            strengths: :class:`~mufe_fenicsx.contact.stiffness.strength.Strengths`.
-            strain, work, dents: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
+            points, ghosts, layers, work: As of :class:`~mufe_fenicsx.kernels.pairs.PairForces`.
         """
         p = self.pairs
-        p.forces = WallForces(
-            p.state, p.next_check, p.motion_bounds.bounds, p.motion_bounds.of, p.node, p.wall,
-            layer, points.area, points.facet_area, points.recess, ratio, *corners, x, f,
-            self.force, self.torque, self.curved.pressing, self.point, self.normal, self.velocity,
-            self.curved.radius, self.friction, self.friction_kinetic, strengths.tables,
-            strengths.offsets(points.grain_of_point[p.node]), strain, work, points.cell[p.node],
-            dents,
-        )  # fmt: skip
         curvature, bend = points.curvature[p.node], self.curved.bend[p.wall]
         cylinder = self.normal[p.wall].any(axis=1)
         p.softer[:] = against_walls(curvature, points.facet_area[p.node], bend, cylinder)
-        p.bend[:] = bend_at_walls(curvature, bend, cylinder)
-        sag, recess = self.curved.sag_of(p.node, p.wall), column(p.state, "recess", COLUMNS)
-        if sag is not None:
-            recess[:] = np.where(np.isfinite(sag), -sag, recess)
+        if p.yields:
+            p.name_dents(layers.strengths, points)
+            p.bend[:] = bend_at_walls(curvature, bend, cylinder)
+            p.edge[:] = edge_of_area(points.facet_area[p.node], 1)
+            p.layers[:] = points.layer[p.node]
+            p.reference[:] = np.where(points.is_vertex(p.node), 0.0, points.facet_area[p.node])
+        p.forces = WallForces(p, self, points, ghosts, layers, work)
 
     def add_forces(self, accept, ahead=0.0):
         """Add wall forces to those bound.
@@ -376,11 +360,6 @@ class Walls(Stateful):
         self.force[:] = 0.0
         self.torque[:] = 0.0
         self.curved.pressing[:] = 0.0
-
-    def energy(self, layer, area, ratio):
-        """Energy in the wall springs [J] and number of closed pairs. Local."""
-        p = self.pairs
-        return wall_energy(p.gap, p.offset, p.closed, p.softer, p.shear, p.node, layer, area, ratio)
 
 
 def rotation_of(turn):

@@ -60,9 +60,7 @@ LOOPS = {
     # After the set-up.
     "energy.kinetic_energy": "d2 d2 d d d1 l2",
     "rigid.kinetic_energies": "d1 d2 d2 d2 d2 d3 d1 d2 b2 d d",
-    "pairs.pair_energy": "d1s d1s b1s d1s f1s d2s i1 d1 d1s",
     "edge_springs.edge_energy": "d1 d1 d1 b1 d1 d2 i1 d1 d1",
-    "walls.wall_energy": "d1s d1s b1s d1s d2s i1 d1 d1 d1",
     "energy.elastic_energy": "d1 d2 d2 i2 d1 l1 l1 i1 l1 d1 d1 d1 d1 d1 l",
     "neo_hooke.add_neo_hookean_energy": "d1 d2 d2 i2 d1 l1 l1 d1",
     "edge_springs.areas_and_pushes": "d1 d2 l1 d2 d2 d1 d1 d1 d2 i1 i1 i2 d1 d1 d2 d1 d1",

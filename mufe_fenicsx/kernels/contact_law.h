@@ -1,103 +1,120 @@
-/* The law of a contact: the force of its normal spring, and Coulomb's friction with a static and a
-   kinetic coefficient. kernels/contact_law.py has the same for edges and for tangents. */
+/* The law of a contact (law.h) for one contact and for LANES of them, and what it asks for. */
 
 #ifndef CONTACT_LAW_H
 #define CONTACT_LAW_H
 
-#include "lane_vectors.h"
+#include "due.h"
 
-/* Normal force over stiffness at a depth d: d, less what a contact smaller than an element yields
-   more, A d² m²/(m + d/2)³. ``m`` is XI h²/R, of a flat contact 0. Beyond the largest depth it grows
-   no more. Written once for one pair and for lanes of them. */
+#include "pair_rows.h" /* written by kernels/pair_rows.py */
+
 #define SOFTER 1.69
-#define NOTHING 1e-300 /* keeps a flat contact of no depth from 0/0 */
 #define XI 0.104
-#define NORMAL_LAW(name, share, slope, real)                                       \
-  INLINE real share(real d, real m) {                                              \
-    const real u = m + 0.5 * d;                                                    \
-    return 1.0 - SOFTER * m * m * d / (u * u * u + NOTHING);                       \
-  }                                                                                \
-  INLINE real name(real d, real m) { return d * share(d, m); }                     \
-  /* The derivative of that share. */                                              \
-  INLINE real slope(real d, real m) {                                              \
-    const real u = m + 0.5 * d;                                                    \
-    return SOFTER * m * m * (d - m) / (u * u * u * u + NOTHING);                   \
+#define NOTHING 1e-300 /* keeps a flat contact of no depth from 0/0 */
+/* Mean pressure of a round contact that flows, over the yield stress at a strain that stands for it,
+   and that strain over the radius of the contact over that of the body (Tabor 1951). */
+#define MEAN_PRESSURE 2.8
+#define TABOR 0.2
+#define CLOSE 1e-10     /* part of a depth to which it is found */
+#define ROUNDING 1.2e-7 /* part that rounding to single precision takes */
+
+/* Bodies that yield. At an offset of ``tables`` the number n of points, n plastic strains and n
+   stresses. ``strain``: plastic one of all cells, ``work``: that of dents over them. ``row``: of each
+   pair. What points keep of dents when pairs go: ``dent``, that in their own surface, for whoever
+   comes next, and ``beyond``, that in the surface of the grain ``met``. */
+typedef struct {
+  const double *tables;
+  dent_row *row;
+  const double *strain;
+  double *work;
+  point_dent_row *point;
+} strength_type;
+
+#define WIDTH 1
+#include "law.h"
+#undef WIDTH
+#define WIDTH LANES
+#include "law.h"
+#undef WIDTH
+
+#define FLOWED 0.999 /* part of its yield depth that a pair has that flowed */
+
+/* Whether a pair is likely to flow: it has flowed in the last step. */
+#define FLOWS(s) ((s)->closed && (s)->offset - (s)->gap >= FLOWED * (s)->yield_depth)
+
+/* Ask for what a pair needs to flow, its row of dents being there. */
+INLINE void fetch_flow(const strength_type *of, int64_t pair) {
+  const dent_row *row = of->row + pair;
+  FETCH(of->strain + row->cell);
+  FETCH(of->work + row->cell);
+  FETCH(of->point + row->point);
+}
+
+/* The dent that a pair finds where it closes, from those before it. */
+INLINE double kept_dent(const strength_type *of, int64_t pair) {
+  const dent_row *row = of->row + pair;
+  const point_dent_row *kept = of->point + row->point;
+  return kept->dent + (row->partner >= 0 && kept->met == row->partner ? kept->beyond : 0.0);
+}
+
+/* The dent of a pair deepens: both bodies take their parts, and its ``work`` is kept beneath. */
+INLINE void deepen(const strength_type *of, int64_t pair, double deeper, double own_part,
+                   double slope_left, double work) {
+  dent_row *row = of->row + pair;
+  point_dent_row *kept = of->point + row->point;
+  row->dent += deeper;
+  row->slope_left = (float)slope_left;
+  of->work[row->cell] += work;
+  kept->dent += own_part * deeper;
+  if (own_part == 1.0 || !(deeper > 0.0)) return;
+  if (kept->met != row->partner) kept->met = row->partner, kept->beyond = 0.0;
+  kept->beyond += (1.0 - own_part) * deeper;
+}
+
+/* What a pair has to flow; ``m`` of the law and the nodes around its point. */
+INLINE flowing_type flowing(const strength_type *of, int64_t pair, double m, triangle around) {
+  const dent_row *row = of->row + pair;
+  const double area = 0.5 * length(cross(minus(around.b, around.a), minus(around.c, around.a)));
+  /* A vertex carries no more once the facets around do. */
+  const int is_tip = row->reference == 0.0, alike = row->own == row->other;
+  flowing_type q = {is_tip, alike, m, row->layers * (is_tip ? 1.0 : area / row->reference),
+                    row->bend, 0.25 * row->edge * row->edge * row->bend,
+                    of->strain[row->cell], no_line(), no_line()};
+  if (row->own >= 0) q.own.table[0] = of->tables + row->own;
+  if (row->other >= 0 && !alike) q.other.table[0] = of->tables + row->other;
+  return q;
+}
+/* What the dents of those ``lanes`` deepen by at a depth, as of flow_each. Seldom wanted, so that its
+   numbers shall not take the registers of what always is. */
+typedef struct {
+  vec deeper, limit, left, own_part;
+} flowed_type;
+static __attribute__((noinline)) void flow_lanes(flowed_type *out, const strength_type *of,
+                                                 const int32_t *pair, unsigned lanes, vec depth,
+                                                 vec m, vec yields, const vec3_each around[3]) {
+  const vec none = all(0.0);
+  flowing_type_each q = {lanes_of(0), lanes_of(0), m, none, none, none, none, no_line_each(),
+                         no_line_each()};
+  const vec area = 0.5 * length_each(cross_each(minus_each(around[1], around[0]),
+                                                minus_each(around[2], around[0])));
+  double number[5][LANES] __attribute__((aligned(64))) = {{0.0}};
+  for (unsigned some = lanes; some; some &= some - 1) {
+    const int i = __builtin_ctz(some);
+    const dent_row *row = of->row + pair[i];
+    const int alike = row->own == row->other;
+    number[0][i] = row->layers, number[1][i] = row->bend, number[2][i] = row->edge;
+    number[3][i] = row->reference, number[4][i] = row->dent;
+    q.beneath[i] = of->strain[row->cell];
+    q.alike[i] = -(int64_t)alike;
+    if (row->own >= 0) q.own.table[i] = of->tables + row->own;
+    if (row->other >= 0 && !alike) q.other.table[i] = of->tables + row->other;
   }
-NORMAL_LAW(over_stiffness, share_of_stiffness, slope_of_share, double)
-INLINE double slope_over_stiffness(double d, double m) {
-  const double u = m + 0.5 * d;
-  return 1.0 - SOFTER * m * m * d * (2.0 * m - 0.5 * d) / (u * u * u * u + NOTHING);
+  const vec reference = *(vec *)number[3], edge = *(vec *)number[2], dent = *(vec *)number[4];
+  q.is_tip = (reference == 0.0) & lanes_of(lanes);
+  q.layers = *(vec *)number[0] * where_each(reference == 0.0, all(1.0), area / reference);
+  q.bend = *(vec *)number[1], q.largest = 0.25 * edge * edge * q.bend;
+  out->limit = yields, out->left = out->own_part = all(1.0);
+  out->deeper = flow_each(&q, lanes_of(lanes), dent, depth, &out->limit, &out->left,
+                          &out->own_part);
 }
-NORMAL_LAW(over_stiffness_each, share_of_stiffness_each, slope_of_share_each, vec)
-INLINE double normal_force(double stiffness, double m, double depth, double largest_depth) {
-  return stiffness * over_stiffness(least(depth, largest_depth), m);
-}
-/* The energy of its spring, the integral of the force. */
-INLINE double stored_energy(double stiffness, double m, double depth, double largest_depth) {
-  const double d = least(depth, largest_depth), u = m > 0.0 ? 1.0 + 0.5 * d / m : 1.0;
-  const double less = m * m * (8.0 * log(u) + 16.0 / u - 4.0 / (u * u) - 12.0);
-  return stiffness * (0.5 * d * d - SOFTER * less) +
-         normal_force(stiffness, m, d, largest_depth) * (depth - d);
-}
-
-/* Friction's spring softens with the depth as the normal one does, so its energy ½ kt u² lowers the
-   normal force to N + ½ kt' u², with the derivative kt' of kt by the depth. Friction that slips is
-   μ times that: T = μ (N + ½ kt' T²/kt²), where 2 μ² kt' N < kt², which all but μ > 1.2 fulfil. */
-#define LIMIT(name, real, root, larger)                                                      \
-  INLINE real name(real mu, real N, real kt, real slope) {                                   \
-    const real square = 1.0 - 2.0 * mu * mu * slope * N / (kt * kt);                         \
-    return 2.0 * mu * N / (1.0 + root(larger(square)));                                      \
-  }
-INLINE double not_negative(double a) { return a > 0.0 ? a : 0.0; }
-INLINE vec not_negative_each(vec a) { return where(a > 0.0, a, all(0.0)); }
-LIMIT(limit_of_friction, double, sqrt, not_negative)
-LIMIT(limit_of_friction_each, vec, square_root, not_negative_each)
-
-/* Coulomb's law, written once for one pair and for lanes of them: whether a spring slips, the part
-   of it that is left, the distance that slipped and the energy of that.
-
-   One that sticks slips where its force T exceeds the limit ``held`` of static friction, one that
-   ``slid`` where it exceeds ``kinetic``; then it carries ``kinetic``. ``against``: the product of T
-   and the friction of the last step, against the spring. The energy is the work of the mean
-   friction of the step: exact for the trapezoidal rule. */
-#define COULOMB(name, type, real, truth, choose, any)                                        \
-  typedef struct {                                                                           \
-    truth sliding;                                                                           \
-    real left, slipped, lost;                                                                \
-  } type;                                                                                    \
-  INLINE type name(real T, real kt, truth slid, real held, real kinetic, real against) {     \
-    const real none = {0.0}, whole = none + 1.0;                                             \
-    const truth sliding = T > choose(slid, kinetic, held);                                   \
-    if (!any(sliding)) return (type){sliding, whole, none, none};                            \
-    const real over = choose(sliding, T, whole);                                             \
-    const real slipped = choose(sliding, (T - kinetic) / kt, none);                          \
-    return (type){sliding, choose(sliding, kinetic / over, whole), slipped,                  \
-                  0.5 * (against / over + kinetic) * slipped};                               \
-  }
-INLINE double choose(int a, double b, double c) { return a ? b : c; }
-COULOMB(coulomb, slip_type, double, int, choose, )
-COULOMB(coulomb_each, slips_type, vec, mask, where, any)
-
-/* Lay a spring, from the stick point to the point, across the normal n and let it slip. ``shear``:
-   friction of the last step. */
-INLINE slip_type slip(vec3 *spring, vec3 n, double kt, int slid, double held, double kinetic,
-                      vec3 shear) {
-  const vec3 s = across(*spring, n);
-  const slip_type found =
-      coulomb(kt * length(s), kt, slid, held, kinetic, -kt * dot(shear, s));
-  *spring = times(found.left, s);
-  return found;
-}
-INLINE slips_type slip_each(lanes3 *spring, lanes3 n, vec kt, mask slid, vec held, vec kinetic,
-                            lanes3 shear) {
-  const lanes3 s = moved_along(*spring, -product(*spring, n), n);
-  const slips_type found = coulomb_each(kt * square_root(product(s, s)), kt, slid, held, kinetic,
-                                        -kt * product(shear, s));
-  *spring = scaled(found.left, s);
-  return found;
-}
-
-/* Energy that friction takes where a contact opens: all of the spring slips, and it ends at none. */
-INLINE double lost_at_opening(vec3 shear, vec3 spring) { return -0.5 * dot(shear, spring); }
 
 #endif

@@ -42,7 +42,7 @@ INLINE void split(vec out[3], const vec r[3]) {
 }
 #endif
 
-INLINE vec larger(vec a, vec b) { return where(a > b, a, b); }
+INLINE vec larger(vec a, vec b) { return where_each(a > b, a, b); }
 
 /* Squares of velocities, and of what they are beside the field; lanes and one node. */
 #define SQUARES(type)                                                                          \

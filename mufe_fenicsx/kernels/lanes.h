@@ -91,12 +91,12 @@ INLINE mask lanes_of(unsigned lanes) {
 #endif
 }
 
-INLINE int any(mask m) { return bits(m) != 0; }
+INLINE int any_each(mask m) { return bits(m) != 0; }
 
 /* a where m, else b. */
-INLINE vec where(mask m, vec a, vec b) { return (vec)((m & (mask)a) | (~m & (mask)b)); }
+INLINE vec where_each(mask m, vec a, vec b) { return (vec)((m & (mask)a) | (~m & (mask)b)); }
 
-INLINE vec square_root(vec a) {
+INLINE vec root_each(vec a) {
   vec r;
   for (int i = 0; i < LANES; i++) r[i] = sqrt(a[i]);
   return r;
@@ -112,7 +112,7 @@ INLINE vec logarithm(vec J) {
   sum = sum * s + 1.0 / 3.0;
   vec r = 2.0 * z * (sum * s + 1.0);
   mask near = (d < 0.1) & (d > -0.09);
-  if (any(~near))
+  if (any_each(~near))
     for (int i = 0; i < LANES; i++)
       if (!near[i]) r[i] = log(J[i]);
   return r;
@@ -129,7 +129,7 @@ INLINE vec power_of_minus_two_thirds(vec J) {
   sum = sum * y + 0.5;
   vec r = (sum * y + 1.0) * y + 1.0;
   mask near = (y < 0.07) & (y > -0.07);
-  if (any(~near))
+  if (any_each(~near))
     for (int i = 0; i < LANES; i++)
       if (!near[i]) r[i] = exp(y[i]);
   return r;

@@ -22,6 +22,7 @@ import numpy as np
 
 from ..errors import InputError
 from .cache_files import read_sealed, write_sealed
+from .pair_rows import HEADER
 from .turns import end_turn, take_turn
 
 #: What there is to load, with options of its own.
@@ -80,7 +81,8 @@ def _place(name, options):
     """File of a library, and what it says at its end that it was made for."""
     source = _source(name)
     read = [source, *sorted(source.parent.glob("*.h"))]
-    state = [*(path.read_text(encoding="utf-8") for path in read), *options, _processor()]
+    texts = (path.read_text(encoding="utf-8") for path in read)
+    state = [*texts, HEADER, *options, _processor()]
     key = hashlib.sha256("\0".join(state).encode()).hexdigest()[:20]
     made_for = json.dumps({"library": f"{name}-{key}", "processor": _processor()}).encode()
     return cache_folder() / f"{name}-{key}.so", made_for
@@ -122,7 +124,9 @@ def _compiled(source, options):
     compiler = _compiler()
     with tempfile.TemporaryDirectory(prefix="mufe_fenicsx-") as folder:
         made = Path(folder) / "made.so"
-        command = [compiler, *options, "-shared", "-fPIC", str(source), "-o", str(made), "-lm"]
+        (Path(folder) / "pair_rows.h").write_text(HEADER, encoding="utf-8")
+        command = [compiler, *options, "-I", folder, "-shared", "-fPIC", str(source)]
+        command += ["-o", str(made), "-lm"]
         done = subprocess.run(  # noqa: S603  the user's compiler and our own words, no shell
             command, capture_output=True, text=True, errors="replace"
         )
@@ -197,9 +201,3 @@ class Addresses:
             self._addresses = tuple(map(address, arrays, self._dtypes))
             self._arrays = arrays
         return self._addresses
-
-
-def aligned(size):
-    """So many doubles, all zero, the first at the start of a cache line."""
-    raw = np.zeros(size + 8)
-    return raw[-raw.ctypes.data // 8 % 8 :][:size]

@@ -1,37 +1,25 @@
 /* Contact of nodes, or of points in facets, with the facets of other grains: the closest feature,
    then the forces. The law, its rules and all arrays are described in kernels/pairs.py. */
 
-#include "due.h"
 #include "pairs_lanes.h"
 #include "pairs_one.h"
 
-#define FLOWED 0.999      /* part of its yield depth that a pair has that flowed */
 #define NOT_SEEN INT32_MIN /* among the candidates of a pair: it was not looked at in this step */
-
-/* Ask for what a pair needs to flow, if it has flowed in the last step. */
-INLINE void fetch_flow(const pairs_type *m, int32_t p) {
-  const state_type *s = m->state + p;
-  if (!s->closed || s->offset - s->gap < FLOWED * s->yield_depth) return;
-  const int64_t node = s->node, facet = m->candidate[m->closest[p]], cell = m->strength.cell[p];
-  FETCH(m->curvature_of_point + 3 * node + 2);
-  FETCH(m->curvature_of_facet + 3 * facet + 2);
-  FETCH(m->layer_of_node + node);
-  FETCH(m->layer_of_facet + facet);
-  FETCH(m->area_at_node + node);
-  FETCH(m->area_of_facet + facet);
-  FETCH(m->recess_of_point + node);
-  FETCH(m->strength.strain + cell);
-  FETCH(m->strength.work + cell);
-}
 
 /* Ask for what the pairs after the i-th of the list need; from i = -FAR_AHEAD on. */
 INLINE void fetch_ahead(const pairs_type *m, const int32_t *list, int64_t i, int64_t num_due) {
   if (i + FAR_AHEAD < num_due) {
-    const char *row = (const char *)(m->state + list[i + FAR_AHEAD]);
-    for (size_t line = 0; line < sizeof(state_type); line += 64) FETCH(row + line);
+    const char *row = (const char *)(m->row + list[i + FAR_AHEAD]);
+    for (size_t line = 0; line < sizeof(pair_row); line += 64) FETCH(row + line);
+  }
+  if (m->strength.tables) {
+    const int64_t far = i + 3 * AHEAD, near = i + 2 * AHEAD;
+    if (far >= 0 && far < num_due && FLOWS(m->row + list[far])) FETCH(m->strength.row + list[far]);
+    if (near >= 0 && near < num_due && FLOWS(m->row + list[near]))
+      fetch_flow(&m->strength, list[near]);
   }
   if (i + AHEAD >= 0 && i + AHEAD < num_due) {
-    const state_type *s = m->state + list[i + AHEAD];
+    const pair_row *s = m->row + list[i + AHEAD];
     for (int k = 0; k < 3; k++) {
       FETCH_ROW(m->x, s->corner[k]);
       FETCH_ROW(m->f, s->corner[k]);
@@ -41,9 +29,8 @@ INLINE void fetch_ahead(const pairs_type *m, const int32_t *list, int64_t i, int
     if (s->num_around) FETCH(m->around + s->around);
   }
   if (i + AHEAD / 2 >= 0 && i + AHEAD / 2 < num_due) {
-    const state_type *s = m->state + list[i + AHEAD / 2];
+    const pair_row *s = m->row + list[i + AHEAD / 2];
     for (int32_t k = 0; k < s->num_around; k++) FETCH(m->x + 3 * (int64_t)m->around[s->around + k]);
-    if (m->strength.tables) fetch_flow(m, list[i + AHEAD / 2]);
   }
 }
 
@@ -81,8 +68,8 @@ void mufe_add_pair_forces(const pairs_type *m, call_type *c, int64_t num) {
     unsigned looked = 0, left = (1u << count) - 1;
     int64_t before[LANES];
     for (int k = 0; k < count; k++)
-      if (!m->state[pair[k]].known) {
-        before[k] = look(m, pair[k], c->range, point_of(m->state + pair[k], m->x));
+      if (!m->row[pair[k]].known) {
+        before[k] = look(m, pair[k], c->range, point_of(m, m->row + pair[k]));
         looked |= 1u << k;
       }
     if (TOGETHER) left = add_lanes(m, c, pair, left, &dissipated, &looked, before);
@@ -99,4 +86,12 @@ void mufe_add_pair_forces(const pairs_type *m, call_type *c, int64_t num) {
     const int64_t before = seen == NOT_SEEN ? m->closest[p] : seen < 0 ? -1 : m->first[p] + seen;
     add_one(m, c, p, seen != NOT_SEEN, before);
   }
+}
+
+/* Energy stored in the springs of the pairs that are ``closed``. */
+double mufe_energy(const pair_row *row, const uint8_t *closed, int64_t num_pairs) {
+  double energy = 0.0;
+  for (int64_t p = 0; p < num_pairs; p++)
+    if (closed[p]) energy += energy_of(spring_of(row + p), row[p].offset - row[p].gap, row[p].shear);
+  return energy;
 }

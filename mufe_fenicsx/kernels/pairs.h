@@ -4,43 +4,15 @@
 #ifndef PAIRS_H
 #define PAIRS_H
 
-#include "flow.h"
+#include "contact_law.h"
 #include "surface.h"
 
 #define FACING 0.342 /* sine of the angle a node around may lie below such a plane: 20 degrees */
 #define BESIDE 1e-3  /* part of a facet by which the foot of a node may lie beside it */
 
-/* What a pair keeps, five cache lines in rows of four numbers: that of the facet that was closest
-   last, where ``known``, and what it remembers. ``corner``: nodes around a point in a facet, or
-   thrice the node, with their weights. */
-typedef struct {
-  double other_next_check; /* least ``candidate_next_check`` of the other candidates */
-  int32_t node;
-  uint8_t closed, sliding, sharp, known;
-  int32_t vertices[3], corner[3];
-  double area, recess, ratio;
-  double gap, offset, stiffness, normal_force;
-  vec3 weights;
-  double slip;
-  vec3 normal;
-  double work;
-  vec3 stick_point;
-  double largest_depth;
-  vec3 shear;
-  int32_t around, num_around; /* where the nodes around a point that is a node are listed */
-  vec3 corner_weight;
-  int32_t bound_row;    /* which one of ``bounds`` is that of both grains */
-  int32_t friction; /* the row of the pair of materials, where there are some */
-  float bulge[6]; /* of the facet: q_ab q_bc q_ca, o_a o_b o_c of surface/bulges.py */
-  float softer;   /* m of the law */
-  float yield_depth; /* from which on a dent deepens, none: infinity */
-  vec3 facing; /* normal from facet to point, where ``normal`` is that of the smooth surface */
-  double height; /* of the point over the facet, along it */
-} state_type;
-
 /* In the order of kernels/pairs.py. */
 typedef struct {
-  state_type *state;
+  pair_row *row;
   double *next_check;
   float *candidate_next_check;
   const double *bounds;
@@ -55,13 +27,11 @@ typedef struct {
   const double *layer_of_node, *layer_of_facet;
   const double *area_at_node, *area_of_facet, *depth_of_node, *depth_of_facet;
   const double *bulge_of_facet, *curvature_of_point, *curvature_of_facet; /* six, three */
+  const double *weights; /* of the corners of points, a row of three for each rule */
   const int32_t *around;
   double *x, *f;
   const double *friction; /* static and kinetic of pairs of materials; none: one for all */
   strength_type strength;
-  double *dent;                  /* depths of the pairs' dents, which add to the recess of */
-  const double *recess_of_point; /* their points */
-  double *slope_left;            /* of the law where the dent deepens, for tangents */
 } pairs_type;
 
 /* Parts of the pairs, in the order of kernels/pairs.py. */
@@ -80,24 +50,26 @@ typedef struct {
 typedef struct {
   double held, kinetic;
 } friction_type;
-INLINE friction_type friction_of(const pairs_type *m, const call_type *c, const state_type *s) {
+INLINE friction_type friction_of(const pairs_type *m, const call_type *c, const pair_row *s) {
   if (!m->friction) return (friction_type){c->friction, c->friction_kinetic};
   const double *of = m->friction + 2 * (int64_t)s->friction;
   return (friction_type){of[0], of[1]};
 }
 
-INLINE vec3 point_of(const state_type *s, const double *x) {
-  const int32_t *c = s->corner;
-  return mean(s->corner_weight, at(x, c[0]), at(x, c[1]), at(x, c[2]));
+/* Weights of the corners of its point. */
+INLINE vec3 corner_weights(const pairs_type *m, const pair_row *s) { return at(m->weights, s->rule); }
+INLINE vec3 point_of(const pairs_type *m, const pair_row *s) {
+  const triangle t = corners_at(m->x, s->corner);
+  return mean(corner_weights(m, s), t.a, t.b, t.c);
 }
-INLINE triangle vertices_at(const int32_t *v, const double *x) {
-  return (triangle){at(x, v[0]), at(x, v[1]), at(x, v[2])};
+INLINE spring_type spring_of(const pair_row *s) {
+  return (spring_type){s->stiffness, s->softer, s->largest_depth, s->ratio};
 }
 
 /* Stiffness of the pair of a point and a candidate. Both surfaces carry points, and what they find
    of each other adds up to one contact, whose share the finer one carries more of: few points of a
    coarse surface would load a fine one unevenly. */
-INLINE double stiffness_of(const pairs_type *m, const state_type *s, int64_t k) {
+INLINE double stiffness_of(const pairs_type *m, const pair_row *s, int64_t k) {
   const int32_t facet = m->candidate[k];
   const double own = m->area_at_node[s->node], other = m->area_of_facet[facet];
   return other * other / (other * other + own * own) * s->area /
@@ -105,7 +77,7 @@ INLINE double stiffness_of(const pairs_type *m, const state_type *s, int64_t k) 
 }
 
 /* Mean edge of the pair of a point and a candidate, weighted by the compliance of each side. */
-INLINE double edge_of(const pairs_type *m, const state_type *s, int64_t k) {
+INLINE double edge_of(const pairs_type *m, const pair_row *s, int64_t k) {
   const int32_t facet = m->candidate[k];
   const double per_area = 4.0 / 1.7320508075688772; /* h² of an equilateral triangle */
   const double h1 = sqrt(per_area * m->area_at_node[s->node]);
@@ -117,7 +89,7 @@ INLINE double edge_of(const pairs_type *m, const state_type *s, int64_t k) {
 /* m of the law, XI h² √det, with the determinant of the curvature of the gap, to which both sides
    add: det K₁ + det K₂ + ½ tr K₁ tr K₂, the mean over how they may be turned against each other;
    0 where it is not convex. */
-INLINE double softer_of(const pairs_type *m, const state_type *s, int64_t k) {
+INLINE double softer_of(const pairs_type *m, const pair_row *s, int64_t k) {
   const int32_t facet = m->candidate[k];
   const double *own = m->curvature_of_point + 3 * (int64_t)s->node;
   const double *other = m->curvature_of_facet + 3 * (int64_t)facet;
@@ -130,7 +102,7 @@ INLINE double softer_of(const pairs_type *m, const state_type *s, int64_t k) {
 /* Height of the smooth surface over the closest facet t, with the normal u, at w, and its slope: the
    gradient in the facet. On an edge it is that along the edge, on a vertex none, as the closest
    point goes nowhere else. */
-INLINE double bulge_at(const state_type *s, vec3 w, triangle t, vec3 u, int feature, vec3 *slope) {
+INLINE double bulge_at(const pair_row *s, vec3 w, triangle t, vec3 u, int feature, vec3 *slope) {
   const double ab = s->bulge[0], bc = s->bulge[1], ca = s->bulge[2];
   const vec3 o = {s->bulge[3], s->bulge[4], s->bulge[5]};
   const double by_a = ab * w.y + ca * w.z - o.x, by_b = ab * w.x + bc * w.z - o.y;
@@ -153,7 +125,7 @@ INLINE double bulge_at(const state_type *s, vec3 w, triangle t, vec3 u, int feat
 }
 
 /* Depth from which the force of that pair grows no more: both sides add. */
-INLINE double largest_depth_of(const pairs_type *m, const state_type *s, int64_t k) {
+INLINE double largest_depth_of(const pairs_type *m, const pair_row *s, int64_t k) {
   return m->depth_of_node[s->node] + m->depth_of_facet[m->candidate[k]];
 }
 
@@ -165,7 +137,7 @@ INLINE float no_more_than(double v) { return (float)(v - 1.2e-7 * fabs(v)); }
    by all that points of both within ``range`` move relative to each other, so that the difference
    of the two is a lower bound of the distance now. */
 static int64_t find_closest(const pairs_type *m, int64_t p, double range, vec3 point) {
-  const double bound = m->bounds[m->state[p].bound_row];
+  const double bound = m->bounds[m->row[p].bound_row];
   double best = INFINITY;
   int64_t begin = m->first[p], end = m->first[p + 1], remembered = m->closest[p], closest = -1;
   for (int64_t trial = begin - 1; trial < end; trial++) {
@@ -188,7 +160,7 @@ static int64_t find_closest(const pairs_type *m, int64_t p, double range, vec3 p
 
 /* Make the candidate k what is known of the pair p. */
 static void know(const pairs_type *m, int64_t p, int64_t k) {
-  state_type *s = m->state + p;
+  pair_row *s = m->row + p;
   m->closest[p] = k;
   const int64_t facet = m->candidate[k];
   for (int v = 0; v < 3; v++) s->vertices[v] = m->surface.facets[3 * facet + v];
@@ -207,65 +179,23 @@ static int64_t look(const pairs_type *m, int64_t p, double range, vec3 point) {
   return before;
 }
 
-/* What the pair p has to flow; both sides add to the curvature of the gap. */
-INLINE flowing_type flowing(const pairs_type *m, int64_t p, int64_t k) {
-  const state_type *s = m->state + p;
+/* A pair comes to the candidate k: all that hangs on both sides. */
+static void meet(const pairs_type *m, int64_t p, int64_t k) {
+  pair_row *s = m->row + p;
+  s->stiffness = stiffness_of(m, s, k);
+  s->largest_depth = largest_depth_of(m, s, k);
+  s->softer = (float)softer_of(m, s, k);
+  s->yield_depth = INFINITY;
+  if (!m->strength.tables) return;
+  dent_row *d = m->strength.row + p;
   const int32_t facet = m->candidate[k];
-  const double bend = m->curvature_of_point[3 * (int64_t)s->node + 2] +
-                      m->curvature_of_facet[3 * (int64_t)facet + 2];
-  const int is_tip = s->num_around > 0;
-  return (flowing_type){p, is_tip, s->softer, edge_of(m, s, k),
-                        m->layer_of_node[s->node] + m->layer_of_facet[facet], bend,
-                        stretch_of(s->corner, is_tip, m->x, m->area_at_node[s->node])};
-}
-
-/* Stiffness of friction's spring: as much of the layer's as of the normal one's is there. */
-INLINE double tangential_stiffness(const state_type *s, double depth) {
-  return s->stiffness * s->ratio * share_of_stiffness(least(depth, s->largest_depth), s->softer);
-}
-
-/* Its derivative by the depth. */
-INLINE double tangential_slope(const state_type *s, double depth) {
-  return depth < s->largest_depth ? s->stiffness * s->ratio * slope_of_share(depth, s->softer) : 0.0;
-}
-
-/* The force along the depth, of both springs: the derivative of their energy. */
-INLINE double force_along_depth(const state_type *s, double depth, double square_of_spring) {
-  return normal_force(s->stiffness, s->softer, depth, s->largest_depth) +
-         0.5 * tangential_slope(s, depth) * square_of_spring;
-}
-
-/* Set the dent of a pair, which adds to its recess. */
-INLINE void set_dent(const pairs_type *m, int64_t p, double dent) {
-  state_type *s = m->state + p;
-  m->dent[p] = dent;
-  s->recess = m->recess_of_point[s->node] + dent;
-}
-
-/* The dent of the pair p takes what its depth is beyond that of flow; by how much. */
-INLINE double deepen(const pairs_type *m, int64_t p, int64_t k, double depth) {
-  state_type *s = m->state + p;
-  const flowing_type q = flowing(m, p, k);
-  double limit = s->yield_depth;
-  const double deeper = flow(&m->strength, q, m->dent[p], depth, &limit, m->slope_left + p);
-  s->yield_depth = (float)limit;
-  set_dent(m, p, m->dent[p] + deeper);
-  return deeper;
-}
-
-/* What that took, kept at the cell beneath: the mean of the force along the depth before, at the
-   friction ``shear``, and now, at a spring. */
-INLINE double work_of_dent(const pairs_type *m, int64_t p, double deeper, double was, vec3 shear,
-                           double depth, double square_of_spring) {
-  const state_type *s = m->state + p;
-  double before = 0.0;
-  if (was > 0.0) {
-    const double kt = tangential_stiffness(s, was);
-    before = force_along_depth(s, was, dot(shear, shear) / (kt * kt));
-  }
-  const double work = 0.5 * (before + force_along_depth(s, depth, square_of_spring)) * deeper;
-  m->strength.work[m->strength.cell[p]] += work;
-  return work;
+  d->edge = edge_of(m, s, k);
+  d->layers = m->layer_of_node[s->node] + m->layer_of_facet[facet];
+  d->bend = m->curvature_of_point[3 * (int64_t)s->node + 2] +
+            m->curvature_of_facet[3 * (int64_t)facet + 2];
+  d->reference = s->num_around ? 0.0 : m->area_at_node[s->node];
+  flowing_type q = flowing(&m->strength, p, s->softer, corners_at(m->x, s->corner));
+  s->yield_depth = (float)yield_depth(&q, d->dent);
 }
 
 #endif

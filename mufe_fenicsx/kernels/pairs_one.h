@@ -3,18 +3,17 @@
 #ifndef PAIRS_ONE_H
 #define PAIRS_ONE_H
 
-#include "contact_law.h"
 #include "pairs.h"
 
 /* Part of its depth that a point moves by, straight in or out, at least: less came from the side. */
 #define STRAIGHT 0.9
 
 /* A length that is nothing beside the facets around a point. */
-INLINE double tiny(const state_type *s) { return 1e-9 * sqrt(s->area); }
+INLINE double tiny(const pair_row *s) { return 1e-9 * sqrt(s->area); }
 
 /* What the finer side of a pair has in its largest depth. Where one of them is rigid, with a layer
    thicker than its facets', half of the whole. */
-INLINE double finer_depth(const pairs_type *m, const state_type *s, int64_t k) {
+INLINE double finer_depth(const pairs_type *m, const pair_row *s, int64_t k) {
   const int32_t facet = m->candidate[k];
   const double own = m->depth_of_node[s->node], other = m->depth_of_facet[facet];
   const double alike = own * sqrt(m->area_of_facet[facet] / m->area_at_node[s->node]) / other;
@@ -40,7 +39,7 @@ INLINE int below(vec3 node, vec3 p, vec3 normal) {
   double height = dot(d, normal);
   return height < 0.0 && height * height > FACING * FACING * dot(d, d);
 }
-INLINE int faces(const pairs_type *m, const state_type *s, vec3 p, vec3 normal) {
+INLINE int faces(const pairs_type *m, const pair_row *s, vec3 p, vec3 normal) {
   /* Of a point in a facet: its corners. */
   const int32_t *nodes = s->num_around ? m->around + s->around : s->corner;
   const int32_t count = s->num_around ? s->num_around : 3;
@@ -61,16 +60,10 @@ static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double li
     double g = dot(minus(point, t.a), u);
     if (!(*gap < g && g < 0.0)) continue;
     vec3 w = project(point, t);
-    if (least(w.x, least(w.y, w.z)) >= -BESIDE && faces(m, m->state + p, point, u))
+    if (least(w.x, least(w.y, w.z)) >= -BESIDE && faces(m, m->row + p, point, u))
       best = k, *gap = g, *weights = w, *normal = u;
   }
   return best;
-}
-
-/* Energy of the springs of a closed pair, normal and tangential. */
-INLINE double energy_of(const state_type *s, double depth) {
-  return stored_energy(s->stiffness, s->softer, depth, s->largest_depth) +
-         dot(s->shear, s->shear) / (2.0 * tangential_stiffness(s, depth));
 }
 
 /* Forces of the pair p, which has been looked at where ``looked``, ``before`` being the candidate
@@ -79,19 +72,19 @@ INLINE double energy_of(const state_type *s, double depth) {
    which it came: where sides of bodies lie in a plane, vertices cross it all the time. */
 static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, int64_t before) {
   double *x = m->x, *f = m->f;
-  state_type *s = m->state + p;
-  const vec3 point = point_of(s, x);
+  pair_row *s = m->row + p;
+  const vec3 point = point_of(m, s);
 
   /* The closest point: most often in the facet where it was, the others being too far. All is
      computed in one place, so that a run that is resumed finds the same last digits. */
   int feature;
   const double bound = m->bounds[s->bound_row];
-  triangle t = vertices_at(s->vertices, x);
+  triangle t = corners_at(x, s->vertices);
   vec3 w = closest_point(point, t, &feature);
   double distance = length(minus(point, mean(w, t.a, t.b, t.c)));
   if (!looked && s->other_next_check - bound < distance) {
     before = look(m, p, c->range, point);
-    t = vertices_at(s->vertices, x);
+    t = corners_at(x, s->vertices);
     w = closest_point(point, t, &feature);
     distance = length(minus(point, mean(w, t.a, t.b, t.c)));
   }
@@ -124,21 +117,18 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   const double bulge = bulge_at(s, w, t, facet_normal, !beside ? feature : INTERIOR, &slope);
   g += s->recess - bulge;
   if (m->strength.tables && !s->closed && g < s->offset) {
-    const double more = kept_dent(&m->strength, p) - m->dent[p];
-    if (more > 0.0) set_dent(m, p, m->dent[p] + more), g += more;
+    const double more = kept_dent(&m->strength, p) - m->strength.row[p].dent;
+    if (more > 0.0) m->strength.row[p].dent += more, s->recess += more, g += more;
   }
-  const double old_height = s->height;
-  const vec3 old_facing = s->facing, old_normal = s->normal;
-  const vec3 old_weights = s->weights, old_shear = s->shear;
-  const double old_gap = s->gap, old_offset = s->offset, was = old_offset - old_gap;
+  const pair_row old = *s;
+  const double was = old.offset - old.gap;
   s->weights = w;
   /* The normal of the smooth surface, and by how much faster the gap grows along it. */
   const vec3 steepest = minus(normal, slope);
   const double steep = length(steepest);
-  const vec3 smooth = times(1.0 / steep, steepest);
   s->facing = normal;
   s->height = height;
-  s->normal = smooth;
+  s->normal = times(1.0 / steep, steepest);
   s->gap = g;
 
   const int is_vertex = s->num_around > 0;
@@ -153,24 +143,23 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     }
     /* A vertex deeper than it can have moved came in from the side. */
     if (is_vertex && s->offset - g > moved + tiny(s)) s->offset = g;
-  } else if (is_vertex && fabs(g - old_gap) > moved + tiny(s)) {
+  } else if (is_vertex && fabs(g - old.gap) > moved + tiny(s)) {
     s->offset = least(s->offset, g + was);
   }
   double depth = s->offset - g;
   const int passed = before >= 0 && before != k;
-  const triangle old = passed ? facet_at(&m->surface, x, m->candidate[before]) : t;
+  const triangle last = passed ? facet_at(&m->surface, x, m->candidate[before]) : t;
   /* Energy and force of before, and the way of the point since, relative to the facet of before. */
-  const int was_closed = s->closed;
-  const double old_energy = was_closed ? energy_of(s, was) : 0.0;
-  const vec3 old_force = along(old_shear, s->normal_force, old_normal);
-  const vec3 old_foot = mean(old_weights, old.a, old.b, old.c);
-  const vec3 beneath = along(point, -old_height, old_facing), way = minus(beneath, old_foot);
+  const double old_energy = old.closed ? energy_of(spring_of(s), was, old.shear) : 0.0;
+  const vec3 old_force = along(old.shear, old.normal_force, old.normal);
+  const vec3 old_foot = mean(old.weights, last.a, last.b, last.c);
+  const vec3 beneath = along(point, -old.height, old.facing), way = minus(beneath, old_foot);
+  const vec3 old_spring = minus(beneath, mean(s->stick_point, last.a, last.b, last.c));
   if (depth <= 0.0) {
     if (s->closed) {
-      const vec3 spring = minus(beneath, mean(s->stick_point, old.a, old.b, old.c));
-      const double lost = lost_at_opening(old_shear, across(spring, old_facing));
+      const double lost = lost_at_opening(old.shear, across(old_spring, old.facing));
       /* It left over an edge where it did not move out as far as it was deep. */
-      if (passed || dot(way, old_normal) < STRAIGHT * was)
+      if (passed || dot(way, old.normal) < STRAIGHT * was)
         c->switched += old_energy - lost - 0.5 * dot(old_force, way);
       c->dissipated += lost;
       s->work += lost;
@@ -183,28 +172,23 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   }
 
   const vec3 foot = along(point, -height, normal);
-  if (!was_closed || before != k) {
-    s->stiffness = stiffness_of(m, s, k);
-    s->largest_depth = largest_depth_of(m, s, k);
-    s->softer = softer_of(m, s, k);
-    s->yield_depth = (float)yield_depth(&m->strength, flowing(m, p, k), m->dent[p]);
-  }
-  double deeper = 0.0;
-  if (depth > s->yield_depth) {
-    deeper = deepen(m, p, k, depth);
-    depth -= deeper, g += deeper;
-    s->gap = g;
-  }
-  if (!was_closed) {
+  if (!old.closed || before != k) meet(m, p, k);
+  if (!old.closed) {
     s->stick_point = w;
   } else if (passed) {
     /* Another facet: the spring keeps its length and turns with the normal. */
-    vec3 spring = minus(beneath, mean(s->stick_point, old.a, old.b, old.c));
-    spring = across(spring, old_facing);
-    vec3 turned = across(spring, normal);
+    const vec3 spring = across(old_spring, old.facing), turned = across(spring, normal);
     double now2 = dot(turned, turned);
     double keep = now2 > 0.0 ? sqrt(dot(spring, spring) / now2) : 0.0;
     s->stick_point = stick_point_of(times(keep, turned), foot, normal, facet_normal, t);
+  }
+  double deeper = 0.0, own_part = 1.0, left = 1.0;
+  if (depth > s->yield_depth) {
+    flowing_type q = flowing(&m->strength, p, s->softer, corners_at(x, s->corner));
+    double limit = s->yield_depth;
+    deeper = flow(&q, 1, m->strength.row[p].dent, depth, &limit, &left, &own_part);
+    s->yield_depth = (float)((1.0 + ROUNDING) * limit);
+    depth -= deeper, s->gap += deeper, s->recess += deeper;
   }
   if (depth > s->largest_depth) {
     double sunk = depth / finer_depth(m, s, k);
@@ -213,38 +197,37 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   m->next_check[p] = bound;
 
   /* Normal force, on the smooth surface, and friction, along the facet. */
-  const double kn = s->stiffness, kt = tangential_stiffness(s, depth);
-  const double kt_slope = steep * tangential_slope(s, depth);
-  double N = steep * normal_force(kn, s->softer, depth, s->largest_depth);
-  vec3 spring = minus(point, mean(s->stick_point, t.a, t.b, t.c));
   const friction_type mu = friction_of(m, c, s);
-  const slip_type found =
-      slip(&spring, normal, kt, s->sliding, limit_of_friction(mu.held, N, kt, kt_slope),
-           limit_of_friction(mu.kinetic, N, kt, kt_slope), old_shear);
-  const double left = dot(spring, spring);
-  const double flowed =
-      deeper > 0.0 ? work_of_dent(m, p, deeper, was_closed ? was : 0.0, old_shear, depth, left) : 0.0;
-  N += 0.5 * kt_slope * left;
-  s->normal_force = N;
+  const contact_type contact = {
+      spring_of(s), depth, steep, normal, minus(point, mean(s->stick_point, t.a, t.b, t.c)),
+      old.shear, s->sliding, mu.held, mu.kinetic};
+  const carried_type now = carry(contact);
+  double flowed = 0.0;
+  if (deeper > 0.0) {
+    flowed = work_of_dent(contact.of, old.closed ? was : 0.0, old.shear, depth, now.spring, deeper);
+    deepen(&m->strength, p, deeper, own_part, left, flowed);
+  }
+  s->normal_force = now.N;
   s->closed = 1;
-  s->sliding = found.sliding;
-  s->slip += found.slipped;
-  s->work += found.lost;
-  c->dissipated += found.lost;
+  s->sliding = now.sliding;
+  s->slip += now.slipped;
+  s->work += now.lost;
+  c->dissipated += now.lost;
   /* The stick point that leaves just this much of the spring. */
-  if (s->sliding) s->stick_point = stick_point_of(spring, foot, normal, facet_normal, t);
-  vec3 shear = times(-kt, spring);
-  s->shear = shear;
-  const vec3 force = along(shear, N, smooth);
+  if (s->sliding) s->stick_point = stick_point_of(now.spring, foot, normal, facet_normal, t);
+  s->shear = now.shear;
+  const vec3 force = along(now.shear, now.N, s->normal);
   /* What the springs lost beside their work where the facet changed, or where a point came in from
      the side: it did not move in as far as it is deep. */
-  const int known = isfinite(old_gap);
-  const int came_in = !was_closed && !(known && -dot(way, smooth) >= STRAIGHT * depth);
-  if ((was_closed && (passed || s->offset != old_offset)) || came_in)
-    c->switched += old_energy - energy_of(s, depth) - found.lost - flowed -
+  const int known = isfinite(old.gap);
+  const int came_in = !old.closed && !(known && -dot(way, s->normal) >= STRAIGHT * depth);
+  if ((old.closed && (passed || s->offset != old.offset)) || came_in)
+    c->switched += old_energy - energy_of(contact.of, depth, now.shear) - now.lost - flowed -
                    (known ? 0.5 * dot(plus(old_force, force), way) : 0.0);
-  for (int corner = 0; corner < 3; corner++)
-    add_to(f, s->corner[corner], times((&s->corner_weight.x)[corner], force));
+  const vec3 weights = corner_weights(m, s);
+  add_to(f, s->corner[0], times(weights.x, force));
+  add_to(f, s->corner[1], times(weights.y, force));
+  add_to(f, s->corner[2], times(weights.z, force));
 
   /* Couple of the height and the part of the force in the facet, as normal forces on it,
      h_i = height grad N_i . T, less what is across the facet, along the normal, where that is of

@@ -1,20 +1,6 @@
 """Points of facets: their nodes, and their positions from these."""
 
 import numba
-import numpy as np
-
-
-def corners_of(points, corner, weight):
-    """Rows of the nodes around points, shape (num, 3), and their weights.
-
-    Args:
-        points: The points, shape (num,).
-        corner, weight: Of all points as below; of shape (0, 3) where points are nodes, which are
-            their own corners then.
-    """
-    if not corner.size:
-        return points[:, None], np.array([1.0, 0.0, 0.0])
-    return corner[points], weight[points]
 
 
 @numba.njit(cache=True)

@@ -74,3 +74,9 @@ def take_rows(out, values, rows):
         for k in range(3):
             out[i, k] = values[rows[i], k]
             values[rows[i], k] = 0.0
+
+
+def aligned(size):
+    """So many doubles, all zero, the first at the start of a cache line."""
+    raw = np.zeros(size + 8)
+    return raw[-raw.ctypes.data // 8 % 8 :][:size]

@@ -47,7 +47,8 @@ import numba
 import numpy as np
 
 from .hardening import plastic_increment
-from .native import Addresses, Pointers, address, aligned, load
+from .native import Addresses, Pointers, address, load
+from .rows import aligned
 
 # Reassociation and contraction only: NaN and infinity keep their meaning.
 FAST = {"contract", "reassoc", "arcp", "nsz"}

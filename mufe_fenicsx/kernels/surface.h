@@ -16,10 +16,6 @@ typedef struct {
   const int32_t *ring;
 } surface_type;
 
-typedef struct {
-  vec3 a, b, c;
-} triangle;
-
 INLINE triangle facet_at(const surface_type *s, const double *x, int64_t facet) {
   const int32_t *v = s->facets + 3 * facet;
   return (triangle){at(x, v[0]), at(x, v[1]), at(x, v[2])};
@@ -31,48 +27,35 @@ INLINE vec3 normal_of(triangle t) {
   return times(1.0 / sqrt(dot(n, n)), n);
 }
 
-/* Where the point a + ap lies beside a triangle with the sides ab and ac: products by which the
-   regions are told apart, and va, vb and vc, the weights of its foot in their plane times their
-   sum, four times the area squared. The foot is inside where all three are positive. */
-#define REGIONS(real, dot, ab, ac, ap)                                              \
-  const real d1 = dot(ab, ap), d2 = dot(ac, ap);                                    \
-  const real ab2 = dot(ab, ab), ac2 = dot(ac, ac), abac = dot(ab, ac);              \
-  const real d3 = d1 - ab2, d4 = d2 - abac, d5 = d1 - abac, d6 = d2 - ac2;          \
-  const real va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2
-
 /* Weights of the vertices at the closest point of a triangle, and its feature. Voronoi regions of
    the features in turn (C. Ericson, Real-Time Collision Detection, 2005, section 5.1.5). */
 INLINE vec3 closest_point(vec3 p, triangle t, int *feature) {
-  vec3 ab = minus(t.b, t.a), ac = minus(t.c, t.a), ap = minus(p, t.a);
-  REGIONS(double, dot, ab, ac, ap);
-  if (va > 0.0 && vb > 0.0 && vc > 0.0) { /* most often; no other region has all three */
-    double scale = 1.0 / (va + vb + vc), v = vb * scale, w = vc * scale;
-    *feature = INTERIOR;
-    return (vec3){1.0 - v - w, v, w};
-  }
+  const regions_type r = regions(minus(t.b, t.a), minus(t.c, t.a), minus(p, t.a));
+  const double scale = 1.0 / (r.va + r.vb + r.vc), v = r.vb * scale, w = r.vc * scale;
+  *feature = INTERIOR; /* most often; no other region has all three */
+  if (r.va > 0.0 && r.vb > 0.0 && r.vc > 0.0) return (vec3){1.0 - v - w, v, w};
   *feature = VERTEX;
-  if (d1 <= 0.0 && d2 <= 0.0) return (vec3){1.0, 0.0, 0.0};
+  if (r.d1 <= 0.0 && r.d2 <= 0.0) return (vec3){1.0, 0.0, 0.0};
   *feature = VERTEX + 1;
-  if (d3 >= 0.0 && d4 <= d3) return (vec3){0.0, 1.0, 0.0};
+  if (r.d3 >= 0.0 && r.d4 <= r.d3) return (vec3){0.0, 1.0, 0.0};
   *feature = EDGE;
-  if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) {
-    double s = d1 / (d1 - d3);
+  if (r.vc <= 0.0 && r.d1 >= 0.0 && r.d3 <= 0.0) {
+    const double s = r.d1 / (r.d1 - r.d3);
     return (vec3){1.0 - s, s, 0.0};
   }
   *feature = VERTEX + 2;
-  if (d6 >= 0.0 && d5 <= d6) return (vec3){0.0, 0.0, 1.0};
+  if (r.d6 >= 0.0 && r.d5 <= r.d6) return (vec3){0.0, 0.0, 1.0};
   *feature = EDGE + 2;
-  if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) {
-    double s = d2 / (d2 - d6);
+  if (r.vb <= 0.0 && r.d2 >= 0.0 && r.d6 <= 0.0) {
+    const double s = r.d2 / (r.d2 - r.d6);
     return (vec3){1.0 - s, 0.0, s};
   }
   *feature = EDGE + 1;
-  if (va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0) {
-    double s = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+  if (r.va <= 0.0 && r.d4 - r.d3 >= 0.0 && r.d5 - r.d6 >= 0.0) {
+    const double s = (r.d4 - r.d3) / ((r.d4 - r.d3) + (r.d5 - r.d6));
     return (vec3){0.0, 1.0 - s, s};
   }
   *feature = INTERIOR;
-  double scale = 1.0 / (va + vb + vc), v = vb * scale, w = vc * scale;
   return (vec3){1.0 - v - w, v, w};
 }
 

@@ -22,13 +22,13 @@ INLINE vec plastic_increment(vec q, vec alpha, const grain_type *g) {
   const int last = (int)g->parameters[1] - 1;
   const double *strain = g->parameters + 2, *stress = strain + last + 1;
   vec dp = (q - stress[last]) * (1.0 / (3.0 * g->shear));
-  dp = where(dp > 0.0, dp, all(0.0));
+  dp = where_each(dp > 0.0, dp, all(0.0));
   /* From the last segment to the first: what is valid in an earlier one wins. */
   for (int k = last - 1; k >= 0; k--) {
     vec Y = stress[k] + g->segments[k] * (alpha - strain[k]);
     vec here = (q - Y) * g->segments[last + k];
     mask valid = (alpha < strain[k + 1]) & (alpha + here <= strain[k + 1]);
-    dp = where(valid, where(here > 0.0, here, all(0.0)), dp);
+    dp = where_each(valid, where_each(here > 0.0, here, all(0.0)), dp);
   }
   return dp;
 }
@@ -39,7 +39,7 @@ INLINE vec plastic_increment(vec q, vec alpha, const grain_type *g) {
 INLINE void turn(vec *xx, vec *yy, vec *zz, vec *xy, vec *yz, vec *xz, vec qx, vec qy, vec qz) {
   vec sxx = *xx, syy = *yy, szz = *zz, sxy = *xy, syz = *yz, sxz = *xz;
   vec square = qx * qx + qy * qy + qz * qz;
-  if (__builtin_expect(!any(square > SMALL), 1)) {
+  if (__builtin_expect(!any_each(square > SMALL), 1)) {
     vec a = qy * sxz, b = qz * sxy, c = qx * syz;
     vec axx = sxx + 2.0 * (a - b), ayy = syy + 2.0 * (b - c), azz = szz + 2.0 * (c - a);
     vec axy = sxy + qz * (sxx - syy) + qy * syz - qx * sxz;
@@ -185,7 +185,7 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element, int
   vec h3x = e1y * e2z - e1z * e2y, h3y = e1z * e2x - e1x * e2z, h3z = e1x * e2y - e1y * e2x;
   vec volume = (1.0 / 6.0) * (e1x * h1x + e1y * h1y + e1z * h1z);
   int64_t bad = -1;
-  if (any(~(volume > 0.0)))
+  if (any_each(~(volume > 0.0)))
     for (int i = count - 1; i >= 0; i--)
       if (!(volume[i] > 0.0)) bad = e + i;
 
@@ -208,9 +208,9 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element, int
 
   vec q2 = 1.5 * (sxx * sxx + syy * syy + szz * szz) + 3.0 * (sxy * sxy + syz * syz + sxz * sxz);
   const double first_yield = g->parameters[0];
-  if (!stretch && isfinite(first_yield) && any(q2 > first_yield * first_yield)) {
+  if (!stretch && isfinite(first_yield) && any_each(q2 > first_yield * first_yield)) {
     double *strain = g->strain + e, *work = g->work + e;
-    vec alpha = all(0.0), q = square_root(q2), dp = all(0.0);
+    vec alpha = all(0.0), q = root_each(q2), dp = all(0.0);
     if (count == LANES)
       alpha = *(const vec_at *)strain;
     else
@@ -226,8 +226,8 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element, int
     /* Half of the start's stress and half of the end's: the rule by which the nodal
        forces do their work. Where nothing flows, q may be 0. */
     mask flows = dp > 0.0;
-    dp = where(flows, dp, all(0.0));
-    q = where(flows, q, all(1.0));
+    dp = where_each(flows, dp, all(0.0));
+    q = where_each(flows, q, all(1.0));
     vec before = 1.5 * (oxx * sxx + oyy * syy + ozz * szz) +
                 3.0 * (oxy * sxy + oyz * syz + oxz * sxz);
     vec scale = 1.0 - 3.0 * g->shear * dp / q;

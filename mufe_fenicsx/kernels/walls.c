@@ -2,32 +2,12 @@
    all arrays are described in kernels/walls.py. */
 
 #include "contact_law.h"
-#include "due.h"
-#include "flow.h"
 
-/* What a pair keeps, three cache lines in rows of four numbers; the stick point from ``point`` of the
-   wall. ``corner``: nodes around a point in a facet, or thrice the node; the first has a weight of
-   its own, the others share the rest. */
-typedef struct {
-  int32_t corner[3];
-  uint8_t closed, sliding;
-  uint16_t wall; /* and above it the weight's place in LEAD */
-  double recess, ratio;
-  double gap, offset, stiffness, normal_force;
-  vec3 stick_point;
-  double slip;
-  vec3 shear;
-  double work;
-  double softer, dent, yield_depth, edge; /* m of the law; as in kernels/flow.h */
-  double layer, slope_left, bend, unused; /* of the law where the dent deepens, for tangents */
-} state_type;
-
-#define WALL_BITS 14
+#define RULE_BITS 4 /* of the rule of a point, above the number of its wall */
 #define TINY 1e-300 /* keeps what divides by a length from dividing by none */
-static const double LEAD[] = {1.0, 1.0 / 3.0, 2.0 / 3.0};
 
-INLINE int wall_of(const state_type *s) { return s->wall & ((1 << WALL_BITS) - 1); }
-INLINE double lead_of(const state_type *s) { return LEAD[s->wall >> WALL_BITS]; }
+INLINE int wall_of(const wall_pair_row *s) { return s->wall >> RULE_BITS; }
+INLINE int rule_of(const wall_pair_row *s) { return s->wall & ((1 << RULE_BITS) - 1); }
 
 /* A wall where it stands now, then what acts on it: sums of each lane. ``axis``: normal of a plane,
    axis of a cylinder, zero for a sphere. ``radius``: 0 of a plane, negative where the sample is
@@ -44,12 +24,13 @@ _Static_assert(sizeof(wall_type) == 68 * sizeof(double), "WALL in walls.py");
 
 /* In the order of kernels/walls.py. */
 typedef struct {
-  state_type *state;
+  wall_pair_row *row;
   double *next_check;
   const double *bounds; /* of the pairs' grains and walls, and which of them is whose */
   const int32_t *bound_row;
   int32_t *scratch;
   wall_type *walls;
+  const double *weights; /* of the corners of points, a row of three for each rule */
   const double *x;
   double *f, *wall_force, *wall_torque, *pressing;
   const double *point, *axis, *velocity, *radius, *friction, *friction_kinetic;
@@ -58,12 +39,19 @@ typedef struct {
 
 /* Ask for what the pairs after the i-th of the list need; from i = -FAR_AHEAD on. */
 INLINE void fetch_ahead(const walls_type *m, int64_t i, int64_t num_due) {
+  const int32_t *list = m->scratch;
   if (i + FAR_AHEAD < num_due) {
-    const char *row = (const char *)(m->state + m->scratch[i + FAR_AHEAD]);
-    for (size_t at = 0; at < sizeof(state_type); at += 64) FETCH(row + at);
+    const char *row = (const char *)(m->row + list[i + FAR_AHEAD]);
+    for (size_t line = 0; line < sizeof(wall_pair_row); line += 64) FETCH(row + line);
+  }
+  if (m->strength.tables) {
+    const int64_t far = i + 3 * AHEAD, near = i + 2 * AHEAD;
+    if (far >= 0 && far < num_due && FLOWS(m->row + list[far])) FETCH(m->strength.row + list[far]);
+    if (near >= 0 && near < num_due && FLOWS(m->row + list[near]))
+      fetch_flow(&m->strength, list[near]);
   }
   if (i + AHEAD >= 0 && i + AHEAD < num_due) {
-    const state_type *s = m->state + m->scratch[i + AHEAD];
+    const wall_pair_row *s = m->row + list[i + AHEAD];
     for (int k = 0; k < 3; k++) {
       FETCH_ROW(m->x, s->corner[k]);
       FETCH_ROW(m->f, s->corner[k]);
@@ -82,29 +70,28 @@ INLINE double gap_to(const wall_type *wall, vec3 r, vec3 *normal) {
   return R - side * distance;
 }
 
-/* What the pair p has to flow. */
-INLINE flowing_type flowing(const walls_type *m, const state_type *s, int64_t p) {
-  const int is_tip = lead_of(s) == 1.0;
-  const double reference = TRIANGLE * s->edge * s->edge;
-  return (flowing_type){p, is_tip, s->softer, s->edge, s->layer, s->bend,
-                        stretch_of(s->corner, is_tip, m->x, reference)};
+INLINE spring_type spring_of(const wall_pair_row *s) {
+  return (spring_type){s->stiffness, s->softer, INFINITY, s->ratio};
 }
 
 /* One pair: all that can happen to it. */
 static void add_one(const walls_type *m, double *totals, int64_t p, int64_t accept) {
-  state_type *s = m->state + p;
+  wall_pair_row *s = m->row + p;
+  dent_row *dented = m->strength.tables ? m->strength.row + p : NULL;
   wall_type *wall = m->walls + wall_of(s);
   const int32_t *c = s->corner;
   const double bound = m->bounds[m->bound_row[p]];
-  const double lead = lead_of(s), rest = 0.5 * (1.0 - lead);
-  const vec3 weights = {lead, rest, rest};
-  const vec3 point = mean(weights, at(m->x, c[0]), at(m->x, c[1]), at(m->x, c[2]));
+  const triangle around = corners_at(m->x, c);
+  const vec3 weights = at(m->weights, rule_of(s));
+  const vec3 point = mean(weights, around.a, around.b, around.c);
   const vec3 r = minus(point, wall->point);
   vec3 normal;
   double g = gap_to(wall, r, &normal) + s->recess;
-  if (m->strength.tables && !s->closed && g + s->dent < s->offset)
-    s->dent = most(s->dent, kept_dent(&m->strength, p));
-  g += s->dent;
+  if (dented && !s->closed && g < s->offset) {
+    const double more = kept_dent(&m->strength, p) - dented->dent;
+    if (more > 0.0) dented->dent += more, s->recess += more, g += more;
+  }
+  const double was = s->closed ? s->offset - s->gap : 0.0;
   s->gap = g;
   if (!s->closed) {
     if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);
@@ -120,51 +107,55 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
       totals[0] += lost;
       s->work += lost;
       s->closed = s->sliding = 0;
-      s->normal_force = 0.0;
       s->shear = (vec3){0.0, 0.0, 0.0};
     }
     m->next_check[p] = bound + most(g, 0.0);
     return;
   }
   m->next_check[p] = bound;
+  const vec3 old_shear = s->shear;
   if (!s->closed) {
     s->closed = 1;
     s->stick_point = r;
-    s->yield_depth = yield_depth(&m->strength, flowing(m, s, p), s->dent);
+    s->yield_depth = INFINITY;
+    if (dented) {
+      flowing_type q = flowing(&m->strength, p, s->softer, around);
+      s->yield_depth = (float)yield_depth(&q, dented->dent);
+    }
   }
-  double deeper = 0.0;
+  double deeper = 0.0, own_part = 1.0, left = 1.0;
   if (depth > s->yield_depth) {
-    deeper = flow(&m->strength, flowing(m, s, p), s->dent, depth, &s->yield_depth, &s->slope_left);
-    s->dent += deeper, depth -= deeper, s->gap += deeper;
+    flowing_type q = flowing(&m->strength, p, s->softer, around);
+    double limit = s->yield_depth;
+    deeper = flow(&q, 1, dented->dent, depth, &limit, &left, &own_part);
+    s->yield_depth = (float)((1.0 + ROUNDING) * limit);
+    depth -= deeper, s->gap += deeper, s->recess += deeper;
   }
-  const double share = s->stiffness * share_of_stiffness(depth, s->softer);
-  const double kt = share * s->ratio;
-  const double kt_slope = s->stiffness * s->ratio * slope_of_share(depth, s->softer);
-  double N = share * depth;
-  vec3 spring = minus(r, s->stick_point);
-  const slip_type found =
-      slip(&spring, normal, kt, s->sliding, limit_of_friction(wall->friction, N, kt, kt_slope),
-           limit_of_friction(wall->friction_kinetic, N, kt, kt_slope), s->shear);
-  N += 0.5 * kt_slope * dot(spring, spring);
-  if (deeper > 0.0) m->strength.work[m->strength.cell[p]] += 0.5 * (s->normal_force + N) * deeper;
-  s->normal_force = N;
-  s->sliding = found.sliding;
-  s->slip += found.slipped;
-  s->work += found.lost;
-  totals[0] += found.lost;
-  if (s->sliding) s->stick_point = minus(r, spring);
-  s->shear = times(-kt, spring);
-  const vec3 force = along(s->shear, N, normal), torque = cross(force, r);
-  for (int k = 0; k < 3; k++) add_to(m->f, c[k], times(k ? rest : lead, force));
-  wall->pressing[0] += N;
+  const contact_type contact = {spring_of(s), depth, 1.0, normal, minus(r, s->stick_point),
+                                old_shear, s->sliding, wall->friction, wall->friction_kinetic};
+  const carried_type now = carry(contact);
+  if (deeper > 0.0)
+    deepen(&m->strength, p, deeper, own_part, left,
+           work_of_dent(contact.of, was, old_shear, depth, now.spring, deeper));
+  s->sliding = now.sliding;
+  s->slip += now.slipped;
+  s->work += now.lost;
+  totals[0] += now.lost;
+  if (s->sliding) s->stick_point = minus(r, now.spring);
+  s->shear = now.shear;
+  const vec3 force = along(now.shear, now.N, normal), torque = cross(force, r);
+  add_to(m->f, c[0], times(weights.x, force));
+  add_to(m->f, c[1], times(weights.y, force));
+  add_to(m->f, c[2], times(weights.z, force));
+  wall->pressing[0] += now.N;
   wall->force[0][0] -= force.x, wall->force[1][0] -= force.y, wall->force[2][0] -= force.z;
   wall->torque[0][0] += torque.x, wall->torque[1][0] += torque.y, wall->torque[2][0] += torque.z;
 }
 
 /* Add what acts on a wall in the ``lanes``. */
-INLINE void add_where(mask lanes, double sums[3][8], vec sign, lanes3 a) {
+INLINE void add_where(mask lanes, double sums[3][8], vec sign, vec3_each a) {
   const vec part[3] = {a.x, a.y, a.z};
-  for (int k = 0; k < 3; k++) *(vec_at *)sums[k] += where(lanes, sign * part[k], all(0.0));
+  for (int k = 0; k < 3; k++) *(vec_at *)sums[k] += where_each(lanes, sign * part[k], all(0.0));
 }
 
 /* The same of pairs ``pair[0]`` to ``pair[LANES - 1]`` so far as they stay closed, or in front of
@@ -172,104 +163,113 @@ INLINE void add_where(mask lanes, double sums[3][8], vec sign, lanes3 a) {
 INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wanted,
                           int any_curved, vec *dissipated) {
   double *rows[LANES], *wall_rows[LANES];
-  int32_t node[3][LANES];
-  vec lead, bound;
+  int32_t node[3][LANES], rule[LANES];
+  vec bound;
   mask of_wall;
 #pragma GCC unroll 8
   for (int i = 0; i < LANES; i++) {
-    state_type *s = m->state + pair[i];
+    wall_pair_row *s = m->row + pair[i];
     rows[i] = (double *)s;
     wall_rows[i] = (double *)(m->walls + wall_of(s));
-    lead[i] = lead_of(s);
+    rule[i] = rule_of(s);
     of_wall[i] = wall_of(s);
     bound[i] = m->bounds[m->bound_row[pair[i]]];
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k];
   }
-  vec head[4], spring_row[4], stick_point_row[4], shear_row[4], wall[4], place[4], shape[4], law[4];
+  vec head[4], spring_row[4], stick[4], shear[4], wall[4], place[4], shape[4];
   load_four(head, rows, 0);
-  load_four(spring_row, rows, IN_ROW(gap));
-  load_four(stick_point_row, rows, IN_ROW(stick_point));
-  load_four(shear_row, rows, IN_ROW(shear));
-  load_four(law, rows, IN_ROW(softer));
+  load_four(spring_row, rows, IN_ROW(wall_pair_row, offset));
+  load_four(stick, rows, IN_ROW(wall_pair_row, stick_point));
+  load_four(shear, rows, IN_ROW(wall_pair_row, shear));
   load_four(wall, wall_rows, 0);
   load_four(place, wall_rows, 4);
-  const mask flags = (mask)head[1];
-  const vec rest = 0.5 * (1.0 - lead), weight[3] = {lead, rest, rest};
-  const lanes3 axis = {wall[0], wall[1], wall[2]};
-  const lanes3 point = mean_of((lanes3){weight[0], weight[1], weight[2]}, rows_at(m->x, node[0]),
-                               rows_at(m->x, node[1]), rows_at(m->x, node[2]));
-  const lanes3 r = difference(point, (lanes3){place[0], place[1], place[2]});
-  lanes3 n = axis;
-  vec distance = product(r, axis);
+  const mask flags = (mask)head[1], closed = FLAG(flags, wall_pair_row, closed);
+  const vec recess = head[2], offset = spring_row[0], gap = spring_row[2];
+  const vec yields = second_of(spring_row[3]);
+  const spring_type_each spring = {spring_row[1], first_of(spring_row[3]), all(INFINITY), head[3]};
+
+  const vec3_each axis = {wall[0], wall[1], wall[2]};
+  const vec3_each a = rows_at(m->x, node[0]), b = rows_at(m->x, node[1]), d = rows_at(m->x, node[2]);
+  const vec3_each weights = rows_at(m->weights, rule), point = mean_each(weights, a, b, d);
+  const vec3_each r = minus_each(point, (vec3_each){place[0], place[1], place[2]});
+  vec3_each n = axis;
+  vec distance = dot_each(r, axis);
   if (any_curved) {
     load_four(shape, wall_rows, 8);
-    const vec R = shape[0], side = where(R > 0.0, all(1.0), all(-1.0));
-    const lanes3 away = moved_along(r, -distance, axis);
-    const vec length = square_root(product(away, away));
-    const vec longest = where(length > TINY, length, all(TINY));
+    const vec R = shape[0], side = where_each(R > 0.0, all(1.0), all(-1.0));
+    const vec3_each away = along_each(r, -distance, axis);
+    const vec length = length_each(away), longest = most_each(length, all(TINY));
     const mask is_plane = R == 0.0;
-    n = where_each(is_plane, axis, scaled(-side / longest, away));
-    distance = where(is_plane, distance, R - side * length);
+    n = choose_each(is_plane, axis, times_each(-side / longest, away));
+    distance = where_each(is_plane, distance, R - side * length);
   }
-  const vec g = distance + head[2] + law[1], depth = spring_row[1] - g;
-  const mask closed = FLAG(flags, closed), in_front = ~closed & (g >= 0.0) & (depth <= 0.0);
-  const unsigned can = wanted & bits(closed & (depth > 0.0) & (depth <= law[2])), open = wanted & bits(in_front);
+  vec g = distance + recess, depth = offset - g;
+  const mask in_front = ~closed & (g >= 0.0) & (depth <= 0.0);
+  const unsigned can = wanted & bits(closed & (depth > 0.0)), open = wanted & bits(in_front);
 
-  const vec share = spring_row[2] * share_of_stiffness_each(depth, law[0]);
-  const vec kt = share * head[3];
-  const vec kt_slope = spring_row[2] * head[3] * slope_of_share_each(depth, law[0]);
-  vec N = share * depth;
-  const lanes3 stick_point = {stick_point_row[0], stick_point_row[1], stick_point_row[2]};
-  lanes3 spring = difference(r, stick_point);
-  const slips_type found =
-      slip_each(&spring, n, kt, FLAG(flags, sliding), limit_of_friction_each(wall[3], N, kt, kt_slope),
-                limit_of_friction_each(place[3], N, kt, kt_slope),
-                (lanes3){shear_row[0], shear_row[1], shear_row[2]});
-  N += 0.5 * kt_slope * product(spring, spring);
-  const mask sliding = found.sliding;
-  const lanes3 new_stick_point = where_each(sliding, difference(r, spring), stick_point);
-  const lanes3 shear = scaled(-kt, spring), force = moved_along(shear, N, n);
-  const lanes3 torque = across_both(force, r);
+  const vec3_each old_shear = {shear[0], shear[1], shear[2]};
+  const vec was = offset - gap;
+  const unsigned flows = can & bits(depth > yields);
+  flowed_type flowed = {.deeper = all(0.0)};
+  if (flows) {
+    const vec3_each around[3] = {a, b, d};
+    flow_lanes(&flowed, &m->strength, pair, flows, depth, spring.softer, yields, around);
+    depth -= flowed.deeper, g += flowed.deeper;
+  }
+  const vec3_each stick_point = {stick[0], stick[1], stick[2]};
+  const carried_type_each now = carry_each((contact_type_each){
+      spring, depth, all(1.0), n, minus_each(r, stick_point), old_shear,
+      FLAG(flags, wall_pair_row, sliding), wall[3], place[3]});
+  if (flows) {
+    const vec work = work_of_dent_each(spring, was, old_shear, depth, now.spring, flowed.deeper);
+    for (unsigned some = flows; some; some &= some - 1) {
+      const int i = __builtin_ctz(some);
+      const double deeper = flowed.deeper[i];
+      m->row[pair[i]].yield_depth = (float)((1.0 + ROUNDING) * flowed.limit[i]);
+      m->row[pair[i]].recess += deeper;
+      if (deeper > 0.0)
+        deepen(&m->strength, pair[i], deeper, flowed.own_part[i], flowed.left[i], work[i]);
+    }
+    load_four(spring_row, rows, IN_ROW(wall_pair_row, offset));
+  }
+  const mask sliding = now.sliding;
+  const vec3_each new_stick_point = choose_each(sliding, minus_each(r, now.spring), stick_point);
+  const vec3_each force = along_each(now.shear, now.N, n), torque = cross_each(force, r);
 
   v4 on[3][LANES];
-  for (int k = 0; k < 3; k++) to_memory(on[k], scaled(weight[k], force));
-  vec dissipates = found.lost;
+  to_memory(on[0], times_each(weights.x, force));
+  to_memory(on[1], times_each(weights.y, force));
+  to_memory(on[2], times_each(weights.z, force));
   /* What was accepted behind the wall is free again; a multiplier's offset is positive and stays. */
-  spring_row[0] = g;
-  spring_row[1] = where(in_front & (spring_row[1] < 0.0), all(0.0), spring_row[1]);
-  spring_row[3] = where(in_front, all(0.0), N);
-  stick_point_row[0] = new_stick_point.x, stick_point_row[1] = new_stick_point.y;
-  stick_point_row[2] = new_stick_point.z;
-  stick_point_row[3] += found.slipped;
-  shear_row[0] = shear.x, shear_row[1] = shear.y, shear_row[2] = shear.z, shear_row[3] += found.lost;
-  store_four(spring_row, rows, IN_ROW(gap), can | open);
-  store_four(stick_point_row, rows, IN_ROW(stick_point), can);
-  store_four(shear_row, rows, IN_ROW(shear), can);
+  spring_row[0] = where_each(in_front & (offset < 0.0), all(0.0), offset), spring_row[2] = g;
+  store_four(spring_row, rows, IN_ROW(wall_pair_row, offset), can | open);
+  stick[0] = new_stick_point.x, stick[1] = new_stick_point.y, stick[2] = new_stick_point.z;
+  stick[3] += now.slipped;
+  store_four(stick, rows, IN_ROW(wall_pair_row, stick_point), can);
+  shear[0] = now.shear.x, shear[1] = now.shear.y, shear[2] = now.shear.z, shear[3] += now.lost;
+  store_four(shear, rows, IN_ROW(wall_pair_row, shear), can);
   const unsigned slides = bits(sliding);
   const mask done = lanes_of(can);
-  for (unsigned left = can; left;) {
-    const int64_t number = of_wall[__builtin_ctz(left)];
+  for (unsigned some = can; some;) {
+    const int64_t number = of_wall[__builtin_ctz(some)];
     const mask here = done & (of_wall == number);
     add_where(here, m->walls[number].force, all(-1.0), force);
     add_where(here, m->walls[number].torque, all(1.0), torque);
-    *(vec_at *)m->walls[number].pressing += where(here, N, all(0.0));
-    left &= ~bits(here);
+    *(vec_at *)m->walls[number].pressing += where_each(here, now.N, all(0.0));
+    some &= ~bits(here);
   }
 #pragma GCC unroll 8
   for (int i = 0; i < LANES; i++) {
-    if (!(can >> i & 1)) {
-      dissipates[i] = 0.0;
-      continue;
-    }
-    ((state_type *)rows[i])->sliding = slides >> i & 1;
+    if (!(can >> i & 1)) continue;
+    m->row[pair[i]].sliding = slides >> i & 1;
     m->next_check[pair[i]] = bound[i];
     for (int k = 0; k < 3; k++) add_row(m->f, node[k][i], on[k][i]);
   }
-  for (unsigned left = open; left; left &= left - 1) {
-    const int i = __builtin_ctz(left);
+  for (unsigned some = open; some; some &= some - 1) {
+    const int i = __builtin_ctz(some);
     m->next_check[pair[i]] = bound[i] + g[i];
   }
-  *dissipated += dissipates;
+  *dissipated += where_each(done, now.lost, all(0.0));
   return wanted & ~(can | open);
 }
 
@@ -305,4 +305,23 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
         m->wall_force[3 * w + k] += m->walls[w].force[k][i];
         m->wall_torque[3 * w + k] += m->walls[w].torque[k][i];
       }
+}
+
+/* Energy stored in the springs of the pairs that are ``closed``. */
+double mufe_energy(const wall_pair_row *row, const uint8_t *closed, int64_t num_pairs) {
+  double energy = 0.0;
+  for (int64_t p = 0; p < num_pairs; p++)
+    if (closed[p]) energy += energy_of(spring_of(row + p), row[p].offset - row[p].gap, row[p].shear);
+  return energy;
+}
+
+/* Normal forces on the points of pairs. */
+void mufe_normal_forces(double *out, const wall_pair_row *row, int64_t num_pairs) {
+  for (int64_t p = 0; p < num_pairs; p++) {
+    if (!row[p].closed) continue;
+    const spring_type s = spring_of(row + p);
+    const double depth = row[p].offset - row[p].gap, kt = tangential_stiffness(s, depth);
+    const double T2 = dot(row[p].shear, row[p].shear);
+    out[p] = force_along_depth(s, depth, T2 > 0.0 ? T2 / (kt * kt) : 0.0);
+  }
 }

@@ -6,39 +6,12 @@ import math
 import numba
 import numpy as np
 
-from .contact_law import share_of_stiffness, spring_energy, stored_energy
-from .native import Pointers, address, aligned, load
-from .pairs import column, fill_rows, of_dents
-from .points import corners_of
+from .native import Pointers, address, load
+from .pair_rows import WALL_PAIR
+from .pairs import energy_of_rows, fill_points, of_strength
+from .rows import aligned
 
-#: What a pair keeps, as in kernels.pairs; the rest of the row is as in walls.c.
-ROW = 24
-COLUMNS = {
-    "corner": (np.int32, slice(0, 3)),
-    "closed": (np.bool_, 12),
-    "sliding": (np.bool_, 13),
-    "wall": (np.uint16, 7),  # and above it the place in LEAD
-    "recess": (np.float64, 2),
-    "ratio": (np.float64, 3),
-    "gap": (np.float64, 4),
-    "offset": (np.float64, 5),
-    "stiffness": (np.float64, 6),
-    "normal_force": (np.float64, 7),
-    "stick_point": (np.float64, slice(8, 11)),
-    "slip": (np.float64, 11),
-    "shear": (np.float64, slice(12, 15)),
-    "work": (np.float64, 15),
-    "softer": (np.float64, 16),
-    "dent": (np.float64, 17),
-    "yield_depth": (np.float64, 18),
-    "edge": (np.float64, 19),
-    "layer": (np.float64, 20),
-    "slope_left": (np.float64, 21),
-    "bend": (np.float64, 22),
-}
-#: Weights that one corner of a point can have, in the order of walls.c; the others share the rest.
-LEAD = (1.0, 1 / 3, 2 / 3)
-WALL_BITS = 14  # of a wall's number
+RULE_BITS = 4  # of the rule of a point, above the number of its wall
 TINY = 1e-300  # as in walls.c
 #: Numbers of a wall in walls.c.
 WALL = 68
@@ -208,18 +181,6 @@ def find_wall_candidates(x, held, point, normal, radius, reach):
     return node, wall
 
 
-def _leading(corner, weight):
-    """Corners of points with the one of a weight of its own first, and its place in ``LEAD``."""
-    corner, weight = (np.broadcast_to(a, (len(corner), 3)) for a in (corner, weight))
-    first = weight.argmax(axis=1)[:, None]
-    order = (first + np.arange(3)) % 3
-    lead = np.abs(weight.max(axis=1)[:, None] - LEAD).argmin(axis=1)
-    rest = 0.5 * (1.0 - np.array(LEAD))[lead]
-    if not np.allclose(np.sort(weight, axis=1)[:, :2], rest[:, None], rtol=0.0, atol=1e-12):
-        raise ValueError(f"weights of a point's corners, expected one of {LEAD} and the rest even")
-    return np.take_along_axis(corner, order, axis=1), lead
-
-
 class WallForces:
     """Adds the forces of closed node-wall pairs to nodes and walls; local.
 
@@ -229,70 +190,36 @@ class WallForces:
     All arrays are changed where they are, and must stay there.
 
     Args:
-        state: A row of each pair, shape (num_pairs, ROW), with the columns
-            stick_point: Stick point relative to ``point`` [m];
-            stiffness: Area over layer [N/m], set here;
-            softer: Length m of the law [m];
-            dent: Depth of the dent, which adds to the recess [m];
-            yield_depth: Depth from which on it deepens [m];
-            slope_left: Part of the law's slope that is left while it does;
-            edge, layer: Of the facet around [m, m/Pa], set here;
-            shear: Friction on the node [N];
-            gap, offset: Gap and its offset [m];
-            slip: Accumulated slip [m];
-            normal_force: Normal force on the node [N];
-            work: Energy dissipated by friction since the last search [J];
-            closed, sliding: As of PairForces.
-        next_check, bounds, bound_row: As of PairForces, (num_pairs,) but for ``bounds``.
-        node, wall: The pairs, int32, shape (num_pairs,).
-        layer: Compliance c h/E* of the nodes [m/Pa], shape (num_nodes,).
-        area, facet_area: Areas that the nodes stand for, and of facets there [m²], (num_nodes,).
-        recess: How far the nodes lie behind the surface that carries contact [m], (num_nodes,).
-        ratio: Tangential over normal stiffness, shape (num_nodes,).
-        corner, corner_weight, x, f: As of PairForces.
-        wall_force: Forces on walls [N], shape (num_walls, 3).
-        wall_torque: Their torques about ``point`` [N m], shape (num_walls, 3).
-        pressing: Sums of the normal forces on walls [N], shape (num_walls,).
-        point, normal, velocity: Of the walls [m, 1, m/s], shape (num_walls, 3).
-        radius: As of :func:`gap_to_wall` [m], shape (num_walls,).
-        friction: Coefficients of friction that a pair has to overcome, shape (num_walls,).
-        friction_kinetic: Coefficients while it slips; until a step in which it sticks.
-        strengths, strength_offset, strain, work, cell, dents: As of PairForces.
+        pairs: :class:`~mufe_fenicsx.contact.pairs.wall_pairs.WallPairs`.
+        walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
+        points, ghosts, layers, work: As of PairForces.
 
     Raises:
-        ValueError: An array is of another type, or not contiguous; too many walls; a point with
-            weights that are not those of ``LEAD``.
+        ValueError: An array is of another type, or not contiguous; too many walls.
     """
 
-    def __init__(self, state, next_check, bounds, bound_row, node, wall, layer, area, facet_area,
-                 recess, ratio,
-                 corner, corner_weight, x, f, wall_force, wall_torque, pressing, point, normal,
-                 velocity, radius, friction, friction_kinetic, strengths,
-                 strength_offset, strain, work, cell, dents):  # fmt: skip
+    def __init__(self, pairs, walls, points, ghosts, layers, work):
         real, short = np.float64, np.int32
-        self._num_pairs = node.size
+        self._num_pairs, self._num_walls = pairs.node.size, len(walls.point)
         self._totals = np.zeros(2)
         self._totals_at = address(self._totals)
-        self._num_walls = len(point)
-        scratch = np.empty(node.size + 1, short)
-        if len(point) > 1 << WALL_BITS:
-            raise ValueError(f"walls = {len(point)}, expected at most {1 << WALL_BITS}")
-        edge = np.sqrt(4.0 / math.sqrt(3.0) * facet_area)
-        of_points = {
-            "stiffness": area / layer, "recess": recess, "ratio": ratio, "edge": edge,
-            "layer": layer,
-        }  # fmt: skip
-        fill_rows(state, node, of_points, COLUMNS)
-        corners, lead = _leading(*corners_of(node, corner, corner_weight))
-        column(state, "corner", COLUMNS)[:] = corners
-        column(state, "wall", COLUMNS)[:] = wall | lead << WALL_BITS
+        most = 1 << (16 - RULE_BITS)
+        if self._num_walls > most:
+            raise ValueError(f"walls = {self._num_walls}, expected at most {most}")
+        corner, rule = fill_points(pairs, points, ghosts, layers)
+        pairs.corner[:] = corner
+        WALL_PAIR.view(pairs.state, "wall")[:] = pairs.wall << RULE_BITS | rule
+        pairs.stiffness[:] = points.area[pairs.node] / points.layer[pairs.node]
+        curved = walls.curved
         self._pointers = Pointers(
-            (state, real), (next_check, real), (bounds, real), (bound_row, short), (scratch, short),
-            (aligned(WALL * len(point)), real), (x, real), (f, real), (wall_force, real),
-            (wall_torque, real), (pressing, real), (point, real), (normal, real),
-            (velocity, real), (radius, real), (friction, real), (friction_kinetic, real),
-            (strengths, real) if strengths.size else None, (strength_offset, short), (strain, real),
-            (work, real), (cell, short), (node, short), None, *of_dents(dents),
+            (pairs.state, real), (pairs.next_check, real), (pairs.bounds, real),
+            (pairs.motion_bounds.of, short), (np.empty(pairs.node.size + 1, short), short),
+            (aligned(WALL * self._num_walls), real), (points.rules, real),
+            (ghosts.positions.array, real), (ghosts.forces.array, real), (walls.force, real),
+            (walls.torque, real), (curved.pressing, real), (walls.point, real),
+            (walls.normal, real), (walls.velocity, real), (curved.radius, real),
+            (walls.friction, real), (walls.friction_kinetic, real),
+            *of_strength(pairs, layers, work),
         )  # fmt: skip
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
         self._call = load("walls").mufe_add_wall_forces
@@ -317,19 +244,19 @@ class WallForces:
         return dissipated, int(accepted)
 
 
-@numba.njit(cache=True)
-def wall_energy(gap, offset, closed, softer, shear, node, layer, area, ratio):
-    """Energy stored in the springs of closed node-wall pairs [J], and their number."""
-    energy, count = 0.0, 0
-    for p in range(node.size):
-        if closed[p]:
-            count += 1
-            kn = area[node[p]] / layer[node[p]]
-            depth = offset[p] - gap[p]
-            energy += stored_energy(kn, depth, math.inf, softer[p])
-            kt = kn * ratio[node[p]] * share_of_stiffness(depth, softer[p])
-            energy += spring_energy(shear[p], kt)
-    return energy, count
+def wall_energy(state, closed):
+    """:func:`~.pairs.pair_energy` of pairs with walls."""
+    return energy_of_rows("walls", WALL_PAIR, state, closed)
+
+
+def normal_forces(state):
+    """Normal forces of the rows of pairs with walls [N], made anew, shape (num_pairs,)."""
+    out = np.zeros(len(state))
+    call = load("walls").mufe_normal_forces
+    call.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64]
+    call.restype = None
+    call(address(out), address(state), len(state))
+    return out
 
 
 @numba.njit(cache=True)

@@ -23,7 +23,7 @@ from mufe_fenicsx.errors import InputError, raise_together, shortened
 from mufe_fenicsx.machine.files import own_folder, reason, regular
 from mufe_fenicsx.output.run_folder import attempt, on_first_rank, plain, try_room
 
-FORMAT, VERSION = "mufe checkpoint", 14
+FORMAT, VERSION = "mufe checkpoint", 15
 MANIFEST = "manifest.json"
 #: Checkpoints that stay.
 NUM_KEPT = 2

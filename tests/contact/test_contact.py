@@ -150,8 +150,10 @@ def test_what_is_known_of_pairs_after_a_search(drift):
     assert contact.num_searches > 3
     assert COMM.allreduce(num_kept) > 0  # not all were looked at
     # Facets that are not near any more, though the pairs are.
-    of_points, bound = contact.points.grain_of_point, contact.motion.bound
-    lost = Pairs(pairs.node, pairs.grain, pairs.first, pairs.candidate, of_points, bound)
+    bound = contact.motion.bound
+    lost = Pairs(
+            pairs.node, pairs.grain, pairs.first, pairs.candidate, contact.points, bound, False
+        )
     before = contact.surface.global_facet
     pairs.drop_candidates(before)
     lost.transfer(pairs, np.full_like(before, -1), np.inf)

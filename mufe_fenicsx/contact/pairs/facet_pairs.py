@@ -3,65 +3,29 @@
 import numpy as np
 
 from ...kernels.boxes import box_around, mean_extent
-from ...kernels.pairs import ROW, column, rows
+from ...kernels.pair_rows import PAIR
 from ...kernels.search import find_candidates, group_by_grain, sort_into_cells
 from ...kernels.self_contact import find_self_candidates
-from ...kernels.transfer import copy_rows, find_again, transfer_pairs
-from ...state import Stateful
+from ...kernels.transfer import find_again, transfer_pairs
 from .motion_bounds import MotionBounds
-
-#: What a pair keeps when the candidates are searched anew, beside its closest facet.
-REMEMBERED = (
-    "weights",
-    "normal",
-    "gap",
-    "offset",
-    "closed",
-    "stiffness",
-    "largest_depth",
-    "softer",
-    "yield_depth",
-    "facing",
-    "height",
-    "stick_point",
-    "shear",
-    "slip",
-    "normal_force",
-    "sliding",
-)
+from .table import PairTable
 
 
-class Pairs(Stateful):
+class Pairs(PairTable):
     """Node-grain pairs of one rank, found by :func:`search_pairs`. Arrays as in kernels.pairs."""
 
-    STATE = {"here": ("next_check", "candidate_next_check", "closest", "state", "dent", "bounds")}
-    #: What a checkpoint keeps of each pair.
-    KEPT = (*REMEMBERED, "dent", "slope_left", "next_check", "work", "known", "other_next_check")
+    STATE = {"here": (*PairTable.STATE["here"], "candidate_next_check", "closest")}
 
-    def __init__(self, node, grain, first, candidate, grain_of_point, bound):
-        num_pairs = node.size
-        self.motion_bounds = MotionBounds(grain_of_point[node], grain, bound)
-        self.node, self.grain = node, grain
-        self.first, self.candidate = first, candidate
-        self.next_check = np.full(num_pairs, bound)
+    def __init__(self, node, grain, first, candidate, points, bound, yields):
+        bounds = MotionBounds(points.grain_of_point[node], grain, bound)
+        super().__init__(PAIR, node, bounds, bound, yields)
+        self.grain, self.first, self.candidate = grain, first, candidate
         # Single precision is enough for bounds, and these are most of what a search keeps.
         self.candidate_next_check = np.full(candidate.size, -np.inf, dtype=np.float32)
-        self.closest = np.full(num_pairs, -1, dtype=np.int64)
-        self.state = rows(num_pairs, ROW)
-        self.slope_left = np.ones(num_pairs)  #: of the law while a dent deepens
-        self.dent = np.zeros(num_pairs)  #: depth of the dent, which adds to the recess [m]
-        column(self.state, "node")[:] = node
-        more = ("work", "known", "other_next_check", "vertices", "sharp", "bulge")
-        for name in (*REMEMBERED, *more):
-            setattr(self, name, column(self.state, name))
-        self.gap[:] = np.inf
-        self.forces = None  #: kernels.pairs.PairForces, once they are wanted
+        self.closest = np.full(node.size, -1, dtype=np.int64)
+        self.recess[:] = points.recess[node]
+        PAIR.view(self.state, "node")[:] = node
         self.closest_facet = None  #: numbers of the closest facets, once candidates are dropped
-
-    @property
-    def bounds(self):
-        """Of relative motion, of each pair of grains [m]."""
-        return self.motion_bounds.bounds
 
     def drop_candidates(self, global_facet):
         """Keep of the candidates the closest ones alone, for :meth:`transfer` of the next search.
@@ -92,9 +56,8 @@ class Pairs(Stateful):
         source = transfer_pairs(old.node, old.grain, self.node, self.grain)
         new = np.flatnonzero(source >= 0)
         source = source[new]
-        copy_rows(self.state, new, old.state, source)
-        self.dent[new] = old.dent[source]
-        self.known[new], self.work[new] = False, 0.0  # the ledger has the work
+        self.take_rows(new, old, source)
+        self.known[new] = False
         for of_closest in (self.vertices, self.sharp, self.bulge):
             of_closest[new] = 0
         # A pair whose check was due may have closed by the motion since, and no other.
@@ -116,18 +79,7 @@ def _find(global_facet, wanted):
     return np.where(ordered[place] == wanted, order[place], -1)
 
 
-def search_pairs(
-    x,
-    num_points,
-    grain_of_point,
-    facets,
-    surface,
-    reach,
-    stands,
-    bound,
-    depth_of_point=None,
-    first_tool=None,
-):
+def search_pairs(x, points, facets, surface, reach, bound, yields, self_contact, first_tool):
     """All pairs of own points with facets of other grains within ``reach``. Local.
 
     The cost grows linearly with nodes and facets: a regular grid of cells about
@@ -136,17 +88,17 @@ def search_pairs(
 
     Args:
         x: Positions [m], points first, ghosts included.
-        num_points: Number of points.
-        grain_of_point: Their grains, shape (num_points,).
+        points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
         facets: Vertices as rows of ``x``, shape (num_facets, 3).
         surface: :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
         reach: Distance of each facet [m], shape (num_facets,).
-        stands: What points add to it [m], at least 0, shape (num_points,).
         bound: Of all relative motion so far [m].
-        depth_of_point: For contact of grains with themselves too, parts of points in the largest
-            depth of pairs [m], shape (num_points,); None for contact between grains alone.
+        yields: Whether some body of all ranks can yield.
+        self_contact: Whether grains meet themselves too.
         first_tool: Grains from this one on are tools, which do not meet each other; None: none is.
     """
+    num_points, grain_of_point = points.num_points, points.grain_of_point
+    stands = np.maximum(-points.recess, 0.0)  # what points add to the reach
     extent = mean_extent(x, facets) if facets.size else 1.0
     low, high = box_around(x[:num_points])
     span = high - low
@@ -171,10 +123,10 @@ def search_pairs(
         offset,
         nodes,
     )
-    if depth_of_point is not None:
+    if self_contact:
         node, facet = find_self_candidates(
             x, grain_of_point, surface.facets, surface.grain_of_facet, surface.ring_offset,
-            surface.ring, farthest, depth_of_point, surface.depth_of_facet, low, size, shape,
+            surface.ring, farthest, points.depth, surface.depth_of_facet, low, size, shape,
             offset, nodes,
         )  # fmt: skip
         node = np.concatenate([np.repeat(np.arange(num_points), np.diff(first)), node])
@@ -188,4 +140,4 @@ def search_pairs(
         candidate = candidate[meet]
         first = np.searchsorted(node[meet], np.arange(num_points + 1))
     grouped = group_by_grain(first, candidate, surface.grain_of_facet)
-    return Pairs(*grouped, candidate, grain_of_point, bound)
+    return Pairs(*grouped, candidate, points, bound, yields)

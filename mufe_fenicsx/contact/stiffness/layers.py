@@ -5,6 +5,7 @@ import math
 import numpy as np
 from mpi4py import MPI
 
+from ...kernels.pair_rows import POINT_DENT
 from ...state import Stateful
 from ..laws import LAYERS, inertial_layers, largest_depths, replace_layers
 from ..pairs.edge_pairs import edge_compliances
@@ -56,8 +57,9 @@ class SurfaceLayers(Stateful):
         self.strengths = Strengths(mesh, grains.yield_tables)
         #: Depth of the dents at points [m], in their own surface and beyond it in that of the grain
         #: that they ``met``, a global index; shape (num_points,).
-        self.dent, self.beyond = np.zeros((2, self.points.num_points))
-        self.met = np.full(self.points.num_points, -1, dtype=np.int32)
+        self.dents = np.zeros(self.points.num_points, POINT_DENT)
+        self.dent, self.beyond, self.met = (self.dents[name] for name in DENTS)
+        self.met[:] = -1
         #: Tangential over normal stiffness of points, shape (num_points,).
         self.ratio = grains.tangential_ratio[self.points.local_grain]
 
@@ -95,11 +97,6 @@ class SurfaceLayers(Stateful):
             surface.layer_of_facet[:] *= factor
             for pairs in of_pairs:
                 pairs.stiffness /= factor
-
-    @property
-    def dents(self):
-        """What points keep of dents, as in kernels.pairs."""
-        return self.dent, self.beyond, self.met
 
     @property
     def ahead(self):

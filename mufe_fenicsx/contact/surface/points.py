@@ -71,11 +71,23 @@ class Points:
         """Weights of ``corner``, shape (num_points, 3), made anew."""
         return self.carriers(np.arange(self.num_points))[1]
 
+    @property
+    def rules(self):
+        """Weights of the corners of each kind of point; the last is of nodes, (num_rules, 3)."""
+        return np.vstack([self.rule, [[1.0, 0.0, 0.0]]])
+
+    def is_vertex(self, points):
+        """Whether the given points are nodes, shape (num,)."""
+        return points >= self.num_in_facets
+
+    def rule_of(self, points):
+        """Rows of :attr:`rules` that the given points have, shape (num,)."""
+        n = len(self.rule)
+        return np.where(self.is_vertex(points), n, points % max(n, 1))
+
     def carriers(self, points):
         """Surface nodes that carry the given points and their weights, both of shape (num, 3)."""
-        weight = np.tile([1.0, 0.0, 0.0], (len(points), 1))
-        in_facet = points < self.num_in_facets
-        weight[in_facet] = self.rule[points[in_facet] % max(len(self.rule), 1)]
+        weight = self.rules.take(self.rule_of(points), axis=0)
         return self.corner.take(points, axis=0), weight
 
     def places(self, x, points):

@@ -1,0 +1,78 @@
+"""Pairs of points with grains or with walls: the rows that kernels work on."""
+
+import numpy as np
+
+from ...kernels.pair_rows import DENT
+from ...kernels.transfer import copy_rows
+from ...state import Stateful
+
+
+class PairTable(Stateful):
+    """A row of each pair, and another one where a body can yield. Local.
+
+    Each field of the rows is an attribute, a view of shape (num_pairs,) or (num_pairs, n).
+
+    Args:
+        row: :class:`~mufe_fenicsx.kernels.pair_rows.Row` of the pairs.
+        node: Their points, int32, shape (num_pairs,).
+        motion_bounds: :class:`~.motion_bounds.MotionBounds` of the pairs.
+        bound: Of all relative motion so far [m].
+        yields: Whether some body of all ranks can yield.
+    """
+
+    STATE = {"here": ("next_check", "state", "dents", "bounds")}
+
+    def __init__(self, row, node, motion_bounds, bound, yields):
+        self.row, self.node, self.motion_bounds = row, node, motion_bounds
+        self.next_check = np.full(node.size, bound)
+        self.state = row.rows(node.size)
+        self.dents = DENT.rows(node.size if yields else 0)
+        self.yields = yields
+        for field in row.fields:
+            setattr(self, field.name, row.view(self.state, field.name))
+        self.node = node
+        for field in DENT.fields if yields else ():
+            setattr(self, field.name, DENT.view(self.dents, field.name))
+        if not yields:
+            self.dent = self.slope_left = np.zeros(node.size)
+        self.gap[:] = np.inf
+        self.forces = None  #: of the kernels, once they are wanted
+
+    @property
+    def kept(self):
+        """Names of what a checkpoint keeps of each pair."""
+        return ("next_check", *self.row.kept, *(DENT.kept if self.yields else ()))
+
+    @property
+    def bounds(self):
+        """Of relative motion, of each pair of bodies [m]."""
+        return self.motion_bounds.bounds
+
+    def of_mark(self, kept, name):
+        """An array of the pairs as it was, from what :meth:`state_dict` told then under "here"."""
+        if name in self.row.dtype.names:
+            return self.row.view(kept["state"], name)
+        return DENT.view(kept["dents"], name) if self.yields else getattr(self, name)
+
+    def take_rows(self, new, old, source):
+        """The pairs ``new`` go on as the pairs ``source`` of an ``old`` table; the ledger has their
+        work."""
+        copy_rows(self.state, new, old.state, source)
+        if self.yields:
+            copy_rows(self.dents, new, old.dents, source)
+        self.work[new] = 0.0
+
+    def name_dents(self, strengths, points, partner=None):
+        """Say in the rows of dents whose they are. Local.
+
+        Args:
+            strengths: :class:`~mufe_fenicsx.contact.stiffness.strength.Strengths`.
+            points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
+            partner: The other grain of each pair; None: walls, which do not yield.
+        """
+        if not self.yields:
+            return
+        tables = strengths.offsets(points.grain_of_point[self.node], partner)
+        self.own[:], self.other[:] = tables.T
+        self.cell[:], self.point[:] = points.cell[self.node], self.node
+        self.partner[:] = -1 if partner is None else partner
