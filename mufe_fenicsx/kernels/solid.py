@@ -121,7 +121,7 @@ class InternalForces:
         self._row, self._element = parameters.shape[1], element
         self._first = np.ascontiguousarray(x, real)
         self._at_first = address(self._first)
-        self._addresses = Addresses(*[real] * 6)
+        self._addresses = Addresses(*[real] * 6, whole)
         library, pointer, integer = load("tets"), ctypes.c_void_p, ctypes.c_int64
         self._volumes, self._num_grains = library.mufe_nodal_volumes, first_node.size
         self._volumes.argtypes = [pointer, pointer, pointer, integer]
@@ -189,8 +189,8 @@ class InternalForces:
         """
         law = None if increment is plastic_increment else _c_function(increment, self._row)
         return self._call(
-            self._model, *self._addresses(f, deviator, strain, work, x, v),
-            address(grains, np.int64), dt, grains.size, self._row, self._element,
+            self._model, *self._addresses(f, deviator, strain, work, x, v, grains), dt,
+            grains.size, self._row, self._element,
             law and law.address, self._at_first if stretch else None,
         )  # fmt: skip
 
