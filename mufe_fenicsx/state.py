@@ -150,3 +150,29 @@ class ForceTerm(Stateful):
             time step does so now and then: where it grows between, it has to be a bound.
         """
         return None
+
+    def springs(self, state, margin):
+        """Springs of what acts and of what a motion can make act, None where there are none.
+
+        They count in the stable time step and in mass scaling as those of contact do: they may
+        open and close. May be collective, then on all ranks.
+
+        Args:
+            state: The present :class:`State`.
+            margin: That motion [m].
+
+        Returns:
+            What :meth:`~mufe_fenicsx.bulk.far_nodes.FarNodes.springs` gives.
+        """
+        return None
+
+    def tables(self):
+        """Tables that a checkpoint keeps: {name: {column: array}}, one row a thing. Local.
+
+        Each has a column ``grain``, the global index of the grain whose rank keeps the row; other
+        columns know no ranks either.
+        """
+        return {}
+
+    def load_tables(self, tables):
+        """Become what :meth:`tables` told, with the rows of this rank's grains. Collective."""

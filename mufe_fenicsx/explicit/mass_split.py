@@ -93,7 +93,8 @@ class SharedMass(Stateful):
             rate: Their highest frequency by themselves [rad/s].
         """
         mass, held = self.solid.mass, np.zeros(len(x))
-        held[self.nodes] = np.maximum(springs.bounds(), EVERYWHERE * rate**2 * mass[self.nodes])
+        held[self.nodes] = EVERYWHERE * rate**2 * mass[self.nodes]
+        np.maximum(held, springs.bounds(len(x)), out=held)
         own = self.solid.nodal_stiffness(x)
         self.part = np.maximum(own / (own + WEIGHT * held), LEAST)
         of_tets = self._of_tets  # as well a beginning for one as for the other mass

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from ..arguments import checked, finite_number
 from ..bulk.release import LoadWatch
 from ..contact.pairs.motion_bounds import linear_field
-from ..contact.stiffness.springs import list_springs
+from ..contact.stiffness.springs import all_springs
 from ..contact.walls import Wall
 from ..errors import InputError
 from ..materials.elastic import IsotropicSolid
@@ -284,10 +284,10 @@ class Simulation(OfSpecimen):
 
         Of a simulation with mass scaling. Collective.
         """
-        listed = list_springs(self.contact, margin)
-        bounds = listed.bounds()
+        listed = all_springs(self.specimen, margin)
+        bounds = listed.bounds(self.mesh.num_nodes)
         listed.destroy()
-        springs = self.contact.own.nodes, bounds
+        springs = np.arange(bounds.size), bounds
         changed = self.scaling.adjust(self.state.x, springs)
         self.take_masses()
         return changed

@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..bulk.rigid_rows import FreeRows
-from ..contact.stiffness.springs import list_edge_springs, list_springs
+from ..contact.stiffness.springs import AllSprings, all_springs, list_edge_springs
 from ..errors import InputError
 from ..solvers.highest_frequency import HighestFrequency
 from ..state import Stateful
@@ -43,6 +43,7 @@ class StableStep(Stateful):
         self._of_terms = []  # what added terms have of stiffness now
         self.assembled, self.factor = assembled, factor
         self._springs = None
+        self._knows_springs_of_terms = assembled and not self.contact.layers.kinematic
         self.rows = FreeRows(self.rigid)
         contact_step = self.rigid.contact_step(self.contact.points)
         self._contact_step = self.comm.allreduce(contact_step, op=MPI.MIN)
@@ -122,7 +123,7 @@ class StableStep(Stateful):
             element_step: Present value of :meth:`of_elements` [s].
         """
         self._take_stiffness_of_terms()
-        springs = list_springs(self.contact, margin, expected=True)
+        springs = all_springs(self.specimen, margin, expected=True)
         limit, of_contact = self._limit(
             springs, margin, element_step, self.highest, self.highest_of_springs,
             lambda: self._recent_rate_of_tets(element_step), self._square_by_shares,
@@ -141,7 +142,7 @@ class StableStep(Stateful):
         if mass is not None:
             for highest in frequencies:
                 highest.set_mass(mass)
-        springs = list_springs(self.contact, margin)
+        springs = all_springs(self.specimen, margin)
         return self._limit(springs, margin, element_step, *frequencies)[0]
 
     def _take_stiffness_of_terms(self):
@@ -170,6 +171,11 @@ class StableStep(Stateful):
         if self._springs is not None:
             self._springs.destroy()
         self._springs = listed
+        if isinstance(listed, AllSprings) and not self._knows_springs_of_terms:
+            raise InputError(
+                "force terms with springs of their own, expected a time step from the assembled "
+                "system and contact by penalties"
+            )
         springs = 0.0
         if not self.contact.layers.kinematic:
             # All ranks alike, for others start the iteration from rows that no spring touches too.
@@ -250,6 +256,6 @@ class StableStep(Stateful):
         mass = self.solid.mass[c.own.nodes]
         spring = c.points.to_nodes((c.points.area / c.points.layer)[:, None], mass.size)[:, 0]
         listed = list_edge_springs(c, margin)
-        edges = listed.bounds()
+        edges = listed.bounds(self.specimen.mesh.num_nodes)[c.own.nodes]
         listed.destroy()
         return float(((2.0 * spring + edges) / mass).max(initial=0.0))

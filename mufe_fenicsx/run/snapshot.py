@@ -50,6 +50,8 @@ def snapshot(simulation):
             for name, value in kept.get("common", {}).items()
         }
     tables |= contact_tables(contact, mesh)
+    for term in simulation.specimen.added_terms:
+        tables |= {f"term_{term.name}.{name}": table for name, table in term.tables().items()}
     return tables, {name: np.asarray(value) for name, value in own.items()}, common
 
 
@@ -94,6 +96,10 @@ def restore(simulation, tables, own, common):
         kept = {place: values for place, values in kept.items() if values}
         if kept:  # none where another integrator was there, which knew no such part
             thing.load_state_dict(kept)
+    for term in simulation.specimen.added_terms:
+        first = f"term_{term.name}."
+        names = [name for name in tables if name.startswith(first)]
+        term.load_tables({name.removeprefix(first): tables.pop(name) for name in names})
     everything_moves = bool(own["largest.everything_moves"])
     restore_contact(simulation.contact, mesh, tables, everything_moves)
 

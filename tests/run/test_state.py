@@ -34,7 +34,7 @@ SCRATCH = {
 def walk(thing, path, found, seen):
     """All arrays and numbers that an object of this package holds, by their paths."""
     if isinstance(thing, np.ndarray):
-        if thing.dtype != object:
+        if thing.dtype != object and thing.dtype.names is None:  # whose views are there too
             found[path] = thing.copy()
     elif isinstance(thing, bool | int | float | np.generic):
         found[path] = np.asarray(thing)

@@ -39,10 +39,8 @@ class Springs:
     Sliding pairs count with their tangential spring: an upper bound.
     """
 
-    rows: np.ndarray  #: own surface nodes that a spring of any rank touches, int32, shape (num,)
-    at: np.ndarray  #: the same as nodes of the mesh, shape (num,)
-    num_surface: int  #: own surface nodes
-    lists: tuple  #: :class:`SpringList` of those between grains, and of those with walls
+    at: np.ndarray  #: nodes of the mesh that a spring of any rank touches, int32, shape (num,)
+    lists: tuple  #: :class:`SpringList`, whose nodes are rows of the vectors
     moves: SurfaceVector  #: displacements of a product
     forces: SurfaceVector  #: and what they cause
 
@@ -65,8 +63,8 @@ class Springs:
             add_springs(self.forces.array, self.moves.array, *listed)
         self.forces.add_back()
 
-    def bounds(self):
-        """Bounds of the springs at own surface nodes [N/m], shape (num_nodes,). Collective.
+    def bounds(self, num_nodes):
+        """Bounds of the springs at the nodes of the mesh [N/m], shape (num_nodes,). Collective.
 
         The sum over all springs of stiffness times the absolute values of their row (Gershgorin):
         the highest frequency of springs alone is at most the root of the largest bound over mass.
@@ -78,14 +76,55 @@ class Springs:
             part *= listed.kn[:, None] * part.sum(axis=1, keepdims=True)
             at_nodes[:, 0] += np.bincount(listed.nodes.ravel(), part.ravel(), len(at_nodes))
         self.forces.add_back()
-        bounds = np.zeros(self.num_surface)
-        bounds[self.rows] = self.forces.own[:, 0]
+        bounds = np.zeros(num_nodes)
+        bounds[self.at] = self.forces.own[:, 0]
         return bounds
 
     def destroy(self):
         """Free the PETSc vectors. Collective."""
         self.moves.destroy()
         self.forces.destroy()
+
+
+class AllSprings:
+    """Springs of contact, which it owns, and those that added terms have. As :class:`Springs`.
+
+    Args:
+        of_contact, of_terms: :class:`Springs`, and those of each term.
+    """
+
+    def __init__(self, of_contact, of_terms):
+        self._of_contact, self._parts = of_contact, (of_contact, *of_terms)
+        self.at = np.unique(np.concatenate([part.at for part in self._parts]))
+        self._rows = [np.searchsorted(self.at, part.at).astype(np.int32) for part in self._parts]
+
+    def add(self, y, q):
+        """As of :meth:`Springs.add`. Collective."""
+        for part in self._parts:
+            part.add(y, q)
+
+    def add_compact(self, y, q):
+        """As of :meth:`Springs.add_compact`. Collective."""
+        for part, rows in zip(self._parts, self._rows, strict=True):
+            some = y[rows]
+            part.add_compact(some, q[rows])
+            y[rows] = some
+
+    def bounds(self, num_nodes):
+        """As of :meth:`Springs.bounds`. Collective."""
+        return sum(part.bounds(num_nodes) for part in self._parts)
+
+    def destroy(self):
+        """Free the PETSc vectors of contact. Collective."""
+        self._of_contact.destroy()
+
+
+def all_springs(specimen, margin, expected=False):
+    """Springs of contact, by :func:`list_springs`, and of added terms. Collective."""
+    of_terms = [term.springs(specimen.state, margin) for term in specimen.added_terms]
+    of_terms = [of_term for of_term in of_terms if of_term is not None]
+    of_contact = list_springs(specimen.contact, margin, expected)
+    return AllSprings(of_contact, of_terms) if of_terms else of_contact
 
 
 def list_springs(contact, margin, expected=False):
@@ -178,4 +217,4 @@ def _numbered(contact, *lists):
     for listed in lists:
         place.take(listed.nodes, out=listed.nodes, mode="clip")
     vectors = (SurfaceVector(contact.comm, rows.size, far) for _ in range(2))
-    return Springs(rows, own[rows], num_own, lists, *vectors)
+    return Springs(own[rows], lists, *vectors)

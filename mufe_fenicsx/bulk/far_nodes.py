@@ -1,0 +1,116 @@
+"""Nodes of any grains, on whatever rank they are: positions come, forces go back."""
+
+import numpy as np
+
+from ..contact.stiffness.springs import Springs
+from ..contact.surface.exchange import SurfaceVector
+from ..errors import InputError, raise_together
+from ..kernels.rows import add_rows, gather_rows
+
+
+class FarNodes:
+    """Nodes that a force term of this rank asks for. Collective, as its methods.
+
+    A node is named by its grain and its number among the nodes of that, as they were given: names
+    know no ranks, and stay when a run goes on with another number of them.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        grain: Global indices of the grains of the nodes, shape (num,).
+        number: Their numbers there, shape (num,); :func:`names_of_nodes` has those of this rank.
+
+    Attributes:
+        at: Nodes of this rank that some rank asks for, increasing, shape (num_at,).
+        global_nodes: The nodes asked for as numbers over all ranks, as DOLFINx has them, (num,).
+
+    Raises:
+        InputError: There is no such node; on all ranks together.
+    """
+
+    def __init__(self, mesh, grain, number):
+        self.comm = comm = mesh.comm
+        grain, number = (np.asarray(name, dtype=np.int64) for name in (grain, number))
+        rank = self._ranks(mesh, grain, number)
+        order = np.argsort(rank, kind="stable")
+        parts = np.searchsorted(rank[order], np.arange(comm.size + 1))
+        parts = [order[a:b] for a, b in zip(parts[:-1], parts[1:], strict=True)]
+        asked = comm.alltoall([(grain[part], number[part]) for part in parts])
+        asked = [_own_nodes(mesh, *names) for names in asked]
+        raise_together(comm, _what_is_missing(asked))
+        self.at = at = np.unique(np.concatenate(asked)).astype(np.int32)
+        first = comm.exscan(at.size) or 0
+        dof = mesh.V.dofmap.index_map.local_range[0]
+        answers = comm.alltoall([(first + np.searchsorted(at, n), dof + n) for n in asked])
+        place, self.global_nodes = np.empty((2, grain.size), dtype=np.int64)
+        for part, (places, nodes) in zip(parts, answers, strict=True):
+            place[part], self.global_nodes[part] = places, nodes
+        far = (place < first) | (place >= first + at.size)
+        ghosts = np.unique(place[far])
+        self._row = np.where(far, at.size + np.searchsorted(ghosts, place), place - first)
+        self._row = self._row.astype(np.int32)
+        self._there, self._back = (SurfaceVector(comm, at.size, ghosts) for _ in range(2))
+
+    @staticmethod
+    def _ranks(mesh, grain, number):
+        """Ranks of grains."""
+        wrong = (grain < 0) | (grain >= mesh.labels.size) | (number < 0)
+        message = None
+        if wrong.any():
+            k = int(np.argmax(wrong))
+            message = (
+                f"node {number[k]} of grain {grain[k]}, expected numbers of nodes from 0 and "
+                f"grains from 0 to {mesh.labels.size - 1}"
+            )
+        raise_together(mesh.comm, message)
+        return mesh.rank_of_grain[grain]
+
+    def positions(self, x):
+        """Positions of the nodes [m], shape (num, 3), where those of this rank are at ``x``."""
+        gather_rows(self._there.own, x, self.at)
+        self._there.forward()
+        return self._there.array[self._row]
+
+    def add_forces(self, f, forces):
+        """Add ``forces`` [N] on the nodes, shape (num, 3), to the sums ``f`` of their ranks."""
+        self._back.array[:] = 0.0
+        np.add.at(self._back.array, self._row, forces)
+        self._back.add_back()
+        add_rows(f, self.at, self._back.own)
+
+    def springs(self, listed):
+        """Springs between the nodes, as the time step wants them. Local.
+
+        Args:
+            listed: :class:`~mufe_fenicsx.contact.stiffness.springs.SpringList` whose nodes are
+                places among those asked for.
+        """
+        rows = self._row[listed.nodes]
+        return Springs(self.at, (listed._replace(nodes=rows),), self._there, self._back)
+
+    def destroy(self):
+        """Free the PETSc vectors."""
+        self._there.destroy()
+        self._back.destroy()
+
+
+def names_of_nodes(mesh, nodes):
+    """Grains and numbers there of nodes of this rank, two arrays of shape (num,). Local."""
+    place = np.empty(mesh.num_nodes, dtype=np.int64)
+    place[mesh.named_nodes] = np.arange(mesh.num_nodes)
+    local = mesh.grain_of_node[nodes]
+    return mesh.grains[local], place[nodes] - mesh.node_offset[local]
+
+
+def _own_nodes(mesh, grain, number):
+    """Nodes of this rank by their names, -1 where there is none."""
+    local = np.searchsorted(mesh.grains, grain)
+    last = mesh.node_offset[local + 1]
+    place = mesh.node_offset[local] + number
+    return np.where(place < last, mesh.named_nodes[np.minimum(place, last - 1)], -1)
+
+
+def _what_is_missing(asked):
+    """The line for a node that was asked for and is not there, or None."""
+    if any((nodes < 0).any() for nodes in asked):
+        return "a node that a force term asks for is none of its grain, expected a smaller number"
+    return None
