@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.bulk.far_nodes import FarNodes
 from mufe_fenicsx.bulk.tools import Tool, tool_solids
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError, UnstableError
@@ -115,6 +116,12 @@ class Soft(Elastic):
     """Carries no contact."""
 
     contact_modulus = 0.0
+
+
+def far_nodes(grain, number):
+    """A node that the last rank asks for."""
+    wanted = ([grain], [number]) if COMM.rank == LAST else ([], [])
+    return FarNodes(cubes(), *wanted)
 
 
 def wall_at(x):
@@ -373,6 +380,10 @@ CASES = {
     "run/scene_tools.py make_tools": Case(FIRST, new_run, "run.scene_tools.read_tools", ERROR),
     "run/scene_tools.py checksums_of_files": Case(
         FIRST, tool_without_a_file, says="tool lid: .*none"),
+    "bulk/far_nodes.py FarNodes._ranks": Case(
+        LAST, lambda _: far_nodes(9, 0), says="node 0 of grain 9, expected"),
+    "bulk/far_nodes.py FarNodes.__init__": Case(
+        LAST, lambda _: far_nodes(0, 10**6), says="expected a smaller number"),
     "specimen.py Specimen.__init__": Case(
         LAST, lambda _: simulation_of(cubes(), ROCK), "specimen._what_is_wrong", WRONG),
     "specimen.py Specimen.add_term": Case(

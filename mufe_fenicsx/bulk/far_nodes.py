@@ -1,10 +1,12 @@
 """Nodes of any grains, on whatever rank they are: positions come, forces go back."""
 
+from itertools import pairwise
+
 import numpy as np
 
-from ..contact.stiffness.springs import Springs
+from ..contact.stiffness.springs import SpringList, Springs
 from ..contact.surface.exchange import SurfaceVector
-from ..errors import InputError, raise_together
+from ..errors import raise_together
 from ..kernels.rows import add_rows, gather_rows
 
 
@@ -33,7 +35,7 @@ class FarNodes:
         rank = self._ranks(mesh, grain, number)
         order = np.argsort(rank, kind="stable")
         parts = np.searchsorted(rank[order], np.arange(comm.size + 1))
-        parts = [order[a:b] for a, b in zip(parts[:-1], parts[1:], strict=True)]
+        parts = [order[a:b] for a, b in pairwise(parts)]
         asked = comm.alltoall([(grain[part], number[part]) for part in parts])
         asked = [_own_nodes(mesh, *names) for names in asked]
         raise_together(comm, _what_is_missing(asked))
@@ -81,11 +83,10 @@ class FarNodes:
         """Springs between the nodes, as the time step wants them. Local.
 
         Args:
-            listed: :class:`~mufe_fenicsx.contact.stiffness.springs.SpringList` whose nodes are
-                places among those asked for.
+            listed: SpringList whose nodes are places among those asked for.
         """
-        rows = self._row[listed.nodes]
-        return Springs(self.at, (listed._replace(nodes=rows),), self._there, self._back)
+        rows = SpringList(self._row[listed.nodes], *listed[1:])
+        return Springs(self.at, (rows,), self._there, self._back)
 
     def destroy(self):
         """Free the PETSc vectors."""

@@ -43,7 +43,6 @@ class StableStep(Stateful):
         self._of_terms = []  # what added terms have of stiffness now
         self.assembled, self.factor = assembled, factor
         self._springs = None
-        self._knows_springs_of_terms = assembled and not self.contact.layers.kinematic
         self.rows = FreeRows(self.rigid)
         contact_step = self.rigid.contact_step(self.contact.points)
         self._contact_step = self.comm.allreduce(contact_step, op=MPI.MIN)
@@ -171,7 +170,8 @@ class StableStep(Stateful):
         if self._springs is not None:
             self._springs.destroy()
         self._springs = listed
-        if isinstance(listed, AllSprings) and not self._knows_springs_of_terms:
+        knows = self.assembled and not self.contact.layers.kinematic
+        if isinstance(listed, AllSprings) and not knows:
             raise InputError(
                 "force terms with springs of their own, expected a time step from the assembled "
                 "system and contact by penalties"

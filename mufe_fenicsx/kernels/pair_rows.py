@@ -62,7 +62,7 @@ class Row:
         """The struct of C."""
         lines = "\n".join(f.in_c() for f in self.fields)
         size = f"_Static_assert(sizeof({self.name}) == {self.dtype.itemsize}, "
-        return f"typedef struct {{\n{lines}\n}} {self.name};\n{size}\"no gaps\");\n"
+        return f'typedef struct {{\n{lines}\n}} {self.name};\n{size}"no gaps");\n'
 
     def rows(self, number):
         """So many rows, all zero, the first at the start of a cache line; (number, numbers)."""

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from mufe_fenicsx.bulk.far_nodes import FarNodes
-from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import build
@@ -25,7 +23,7 @@ def bonds_of_the_page():
     (block,) = re.findall(r"```python\n(from scipy[^`]*class Bonds[^`]*)```", PAGE.read_text())
     assert block.count("\n") < 80
     names = {"np": np, "ForceTerm": ForceTerm}
-    exec(block, names)  # noqa: S102  our own page
+    exec(block, names)
     return names["Bonds"]
 
 
@@ -37,9 +35,7 @@ def column(comm, speed, longest=1e-4, k=1e6):
     def velocity(x, grain):
         return np.outer(speed * (x[:, 2] / SIDE - 1.5) * (0.5 + x[:, 0] / SIDE), [0.0, 0.0, 1.0])
 
-    s = build(
-        comm, bodies, Elastic(1e9, 0.15, 2500.0), (0, 0, 0), (0, 0, 0), "", velocity=velocity
-    )
+    s = build(comm, bodies, Elastic(1e9, 0.15, 2500.0), (0, 0, 0), (0, 0, 0), "", velocity=velocity)
     s.add_term(bonds_of_the_page()(s.mesh, k, longest))
     s.update_time_step()
     return s
@@ -115,12 +111,3 @@ def test_bonds_go_on_from_a_checkpoint():
         one.complete()
     assert np.array_equal(s.state.x, other.state.x)
     assert s.energies()["energy_bonds"] == other.energies()["energy_bonds"]
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(("grain", "number"), [(9, 0), (0, 10**6), (-1, 0)])
-def test_nodes_that_there_are_not(grain, number):
-    mesh = column(COMM, 0.0).mesh
-    wanted = ([grain], [number]) if COMM.rank == 0 else ([], [])
-    with pytest.raises(InputError, match="expected"):
-        FarNodes(mesh, *wanted)

@@ -61,7 +61,7 @@ def test_springs_of_contact_are_bounded_node_by_node():
     """Highest frequency of all springs: below the bound, and not far (corners meet three walls)."""
     s = held_blocks()
     springs = list_springs(s.contact, s.contact.edge)
-    bound = springs.bounds() / s.solid.mass[s.contact.own.nodes]
+    bound = springs.bounds(s.mesh.num_nodes) / s.solid.mass
     largest = s.comm.allreduce(float(bound.max(initial=0.0)), op=MPI.MAX)
     rate = HighestFrequency(s.comm, s.solid.mass, s.mesh.x, springs.add)()
     assert 0.25 * largest < rate**2 <= largest * (1 + 1e-9)
@@ -71,7 +71,7 @@ def test_nodes_that_walls_hold_get_the_mass_that_their_springs_want():
     s = held_blocks(mass_scaling=MassScaling(0.05, 1.0))
     scaling, nodes = s.scaling, s.contact.own.nodes
     assert s.comm.allreduce(int(np.count_nonzero(scaling.added_to_node))) > 0
-    bound = list_springs(s.contact, s.contact.edge).bounds()
+    bound = list_springs(s.contact, s.contact.edge).bounds(s.mesh.num_nodes)[nodes]
     held = bound > 0
     steps = np.sqrt(2 * s.solid.mass[nodes][held] / bound[held])
     # Every node is at the common step or beyond it; those that got mass are at it.

@@ -44,7 +44,9 @@ def shares(rng, tets, springs, at):
     listed = SimpleNamespace(
         at=np.asarray(at),
         add_compact=operator(springs, at),
-        bounds=lambda: np.abs(springs).sum(axis=1).reshape(-1, 3).max(axis=1)[at],
+        bounds=lambda num: np.where(
+            np.isin(np.arange(num), at), np.abs(springs).sum(axis=1).reshape(-1, 3).max(axis=1), 0.0
+        ),
     )
     one, other = (
         HighestFrequency(MPI.COMM_SELF, mass, x, operator(m), tolerance=TOLERANCE, max_sweeps=200)

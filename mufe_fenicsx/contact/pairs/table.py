@@ -55,8 +55,7 @@ class PairTable(Stateful):
         return DENT.view(kept["dents"], name) if self.yields else getattr(self, name)
 
     def take_rows(self, new, old, source):
-        """The pairs ``new`` go on as the pairs ``source`` of an ``old`` table; the ledger has their
-        work."""
+        """The pairs ``new`` go on as ``source`` of an ``old`` table; the ledger has their work."""
         copy_rows(self.state, new, old.state, source)
         if self.yields:
             copy_rows(self.dents, new, old.dents, source)
