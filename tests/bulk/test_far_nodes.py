@@ -30,7 +30,7 @@ def bonds_of_the_page():
 def column(comm, speed, longest=1e-4, k=1e6):
     """Three cubes on each other, bonded, whose ends part at ``speed`` [m/s] each."""
     points, cells = box((SIDE,) * 3, (2, 2, 2))
-    bodies = [(points + [0.0, 0.0, i * SIDE], cells) for i in range(3)]
+    bodies = [(points + np.array([0.0, 0.0, i * SIDE]), cells) for i in range(3)]
 
     def velocity(x, grain):
         return np.outer(speed * (x[:, 2] / SIDE - 1.5) * (0.5 + x[:, 0] / SIDE), [0.0, 0.0, 1.0])
