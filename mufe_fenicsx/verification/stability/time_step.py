@@ -197,7 +197,9 @@ def rebound_limit_theory():
 def messages(comm):
     """What the program says to steps beyond the limit."""
     refused = message_of(Solver, time_step_factor=1.0)
-    s = free_block(comm, velocity=lambda x, _: 1e-3 * np.sin(5e3 * x), time_step_factor=1.05)
+    s = free_block(comm, velocity=lambda x, _: 1e-3 * np.sin(5e3 * x))
+    s.time_step_factor = 1.05  # which cannot be given
+    s.update_time_step()
     steps, stopped = steps_to_notice(s)
     return {"refused": refused, "stopped": stopped, "steps": steps, "simulation": s}
 
