@@ -96,11 +96,22 @@ typedef struct {
   real slipped, lost;
 } OF(carried_type);
 
-/* Coulomb's law. A spring that sticks slips where its force exceeds the limit of static friction,
-   one that ``slid`` where it exceeds the kinetic one; then it carries that. The energy is the work
-   of the mean friction of the step: exact for the trapezoidal rule. */
+/* Coulomb's law: whether a spring slips, and the part of it that is ``left``. One that sticks slips
+   where its force exceeds the limit of static friction, one that ``slid`` where it exceeds the
+   kinetic one; then it carries that. */
+INLINE truth OF(coulomb)(real force, real held, real kinetic, truth slid, real *left) {
+  const real whole = OF(number)(1.0);
+  const truth slips = force > OF(where)(slid, kinetic, held);
+  *left = whole;
+  if (OF(any)(slips))
+    *left = OF(where)(slips, kinetic / OF(where)(slips, force, whole), whole);
+  return slips;
+}
+
+/* The energy that slip takes is the work of the mean friction of the step: exact for the trapezoidal
+   rule. */
 INLINE OF(carried_type) OF(carry)(OF(contact_type) c) {
-  const real none = OF(number)(0.0), whole = OF(number)(1.0);
+  const real none = OF(number)(0.0);
   const real kt = OF(tangential_stiffness)(c.of, c.depth);
   const real kt_slope = c.steep * OF(tangential_slope)(c.of, c.depth);
   OF(carried_type) now;
@@ -109,14 +120,15 @@ INLINE OF(carried_type) OF(carry)(OF(contact_type) c) {
   const real T = kt * OF(length)(now.spring);
   const real held = OF(limit_of_friction)(c.held, now.N, kt, kt_slope);
   const real kinetic = OF(limit_of_friction)(c.kinetic, now.N, kt, kt_slope);
-  now.sliding = T > OF(where)(c.slid, kinetic, held);
+  real left;
+  now.sliding = OF(coulomb)(T, held, kinetic, c.slid, &left);
   now.slipped = now.lost = none;
   if (OF(any)(now.sliding)) {
-    const real over = OF(where)(now.sliding, T, whole);
+    const real over = OF(where)(now.sliding, T, OF(number)(1.0));
     const real against = -kt * OF(dot)(c.shear, now.spring);
     now.slipped = OF(where)(now.sliding, (T - kinetic) / kt, none);
     now.lost = 0.5 * (against / over + kinetic) * now.slipped;
-    now.spring = OF(times)(OF(where)(now.sliding, kinetic / over, whole), now.spring);
+    now.spring = OF(times)(left, now.spring);
   }
   now.shear = OF(times)(-kt, now.spring);
   now.N += 0.5 * kt_slope * OF(dot)(now.spring, now.spring);
