@@ -123,7 +123,7 @@ class Contact(Stateful):
         wait = 0.0
         if old is not None:
             # The kernels keep positions and forces of before.
-            old_walls.forces = None
+            old_walls.forces = old_edges.forces = None
             # Whether a node meets its own grain hangs on more than their distance.
             if not self.self_contact:
                 wait = min(self.motion.left, self.motion.longest)
@@ -297,6 +297,10 @@ class Contact(Stateful):
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(points, self.ghosts, self.layers, work)
+        if self.edges.pairs.forces is None:
+            nodes = slice(self.ghosts.num_before, None)
+            x, f = self.ghosts.positions.array[nodes], self.ghosts.forces.array[nodes]
+            self.edges.bind(x, f)
 
     def _early_pairs(self):
         """Pairs with grains of other ranks, whose forces travel while the others are found."""
@@ -322,9 +326,7 @@ class Contact(Stateful):
         def between():
             nonlocal edges
             if not layers.kinematic:
-                nodes = slice(ghosts.num_before, None)
-                forces, x = ghosts.forces.array[nodes], ghosts.positions.array[nodes]
-                edges = self.edges.add_forces(forces, x, self.motion.bound, accept)
+                edges = self.edges.pairs.forces(self.motion.bound, accept)
             ghosts.begin_reverse()
 
         # What other ranks wait for comes first.

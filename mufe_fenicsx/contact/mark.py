@@ -32,7 +32,7 @@ class ContactMark:
     def before(self, name):
         """``closed`` or ``slip`` then: of pairs with facets, of edges and with walls."""
         of_pairs, of_walls = self.of_points(name)
-        return of_pairs, self._edges[name], of_walls
+        return of_pairs, self.contact.edges.pairs.of_mark(self._edges, name), of_walls
 
     def of_points(self, name):
         """An array of pairs with facets and of those with walls then, which may be changed."""

@@ -216,7 +216,7 @@ def contact_tables(contact, mesh):
             "partner": e.partner,
             "first": ends[e.first],
             "second": ends[e.second],
-            **{name: getattr(e, name) for name in e.KEPT},
+            **{name: getattr(e, name) for name in e.kept},
         },
         "accounts": {"grain": done.grain, "partner": done.partner, "work": done.work},
     }
@@ -365,7 +365,7 @@ def _set_edge_pairs(contact, names, table):
         contact.motion.bound,
     )  # fmt: skip
     pairs = contact.edges.pairs
-    for name in pairs.KEPT:
+    for name in pairs.kept:
         getattr(pairs, name)[:] = table[name]
     for column, edge in enumerate((first, second)):
         turned = edge >= num

@@ -39,11 +39,7 @@ LOOPS = {
     "lanczos.square": "d2 d2",
     "lanczos.begin": "d2 d2 d2",
     "spring_lists.list_pairs": ("i2 d2 d2 d1 d1 l1 i1 i1 l1 i2 d2s d2s b1s d1s d1 d1 d1 d1 d1 d1"),
-    "edge_springs.find_edge_springs": "d d1 d1 d1 d1 d d2 b1 d1 i1 i1 d1 d1 d2",
     "motion.moments": "d2 d2 d2",
-    "edges.add_edge_forces": (
-        "d2 d1 d1 d2 d2 d1 d1 b1 b1 d1 d2 d2 d1 d1 d d2 i1 i1 i2 i2 d1 d1 d2 d1 d1 d2 i1 d1 d1 d1 b"
-    ),
     "motion_bounds.advance_bounds": "d1 d1 i1 i1 d1 d d",
     "motion.largest_move": "d2 d2",
     "points.place_points": "d2 i1 i2 d2",
@@ -60,10 +56,8 @@ LOOPS = {
     # After the set-up.
     "energy.kinetic_energy": "d2 d2 d d d1 l2",
     "rigid.kinetic_energies": "d1 d2 d2 d2 d2 d3 d1 d2 b2 d d",
-    "edge_springs.edge_energy": "d1 d1 d1 b1 d1 d2 i1 d1 d1",
     "energy.elastic_energy": "d1 d2 d2 i2 d1 l1 l1 i1 l1 d1 d1 d1 d1 d1 l",
     "neo_hooke.add_neo_hookean_energy": "d1 d2 d2 i2 d1 l1 l1 d1",
-    "edge_springs.areas_and_pushes": "d1 d2 l1 d2 d2 d1 d1 d1 d2 i1 i1 i2 d1 d1 d2 d1 d1",
     "motion.half_kick_and_drift": "d2 d2 d2 d2 d2 d2 l2 d d d2 d1",
     "motion.advance": "d2 d2 d2 d2 d2 d",
     "walls.motion_to_walls": "d1 d2 d2 d2 d1 d2 d3 d1 d",

@@ -1,6 +1,6 @@
 """The law of a contact: its normal spring, and Coulomb's static and kinetic friction.
 
-Edges and tangents call it; contact_law.h has it for pairs of points with facets and with walls.
+Tangents call it; contact_law.h has it for pairs of points with facets and with walls, and of edges.
 """
 
 import math
@@ -67,13 +67,6 @@ def stored_energy(stiffness, depth, largest_depth, m):
 
 
 @numba.njit(cache=True)
-def spring_energy(force, stiffness):
-    """Energy of a spring that carries a force [J]; none where it fades out."""
-    square = force[0] ** 2 + force[1] ** 2 + force[2] ** 2
-    return 0.5 * square / stiffness if square > 0.0 else 0.0
-
-
-@numba.njit(cache=True)
 def left_by_slip(trial, limit):
     """Part of a spring that slip leaves: it carries the limit after a trial force."""
     return limit / trial if trial > 0.0 else 0.0
@@ -83,27 +76,6 @@ def left_by_slip(trial, limit):
 def friction_of(friction, friction_row, p):
     """Static and kinetic coefficient of a pair, in its row or in the first of all."""
     return friction[friction_row[p] if friction_row.size else 0]
-
-
-@numba.njit(cache=True)
-def coulomb(trial, static, kinetic, slid):
-    """Coulomb's law: whether a spring slips, and the part of it that is left.
-
-    The trial force has to overcome the ``static`` limit, or the ``kinetic`` one where the spring
-    ``slid`` in the step before; then it carries the kinetic one.
-    """
-    slips = trial > (kinetic if slid else static)
-    return slips, left_by_slip(trial, kinetic) if slips else 1.0
-
-
-@numba.njit(cache=True)
-def lost_in_slip(shear, stiffness, part, dx, dy, dz):
-    """Work of the mean friction of a step on what slips, a part of the spring (dx, dy, dz) [J].
-
-    Friction is ``shear`` at the start of the step and the spring times -``stiffness`` at its end.
-    """
-    on_spring = shear[0] * dx + shear[1] * dy + shear[2] * dz
-    return 0.5 * part * (stiffness * (dx * dx + dy * dy + dz * dz) - on_spring)
 
 
 @numba.njit(cache=True)

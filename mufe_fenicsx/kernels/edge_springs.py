@@ -1,13 +1,9 @@
-"""Springs of crossing edges: their stiffness, their energy, and their part in the time step."""
+"""Springs of crossing edges for tangents: their stiffness by the place, as in edge_springs.h."""
 
 import numba
-import numpy as np
 
-from .contact_law import spring_energy, stored_energy
-from .crossing import END
-
-#: Crossings up to this part of their edges, or this angle [rad], outside can carry soon.
-BEYOND = 0.1
+#: As in edge_springs.h.
+END = 1e-3
 
 
 @numba.njit(cache=True)
@@ -56,13 +52,6 @@ def in_series(k, fade, s, t, compliance, other_compliance):
 
 
 @numba.njit(cache=True)
-def crossing_stiffness(i, j, s, t, area, layer, share, compliance):
-    """Stiffness of a crossing [N/m], and its derivatives by s and t as of :func:`in_series`."""
-    k, fade = at_place(i, j, s, t, area, layer, share)
-    return in_series(k, fade, s, t, compliance[i], compliance[j])
-
-
-@numba.njit(cache=True)
 def both_edges(x, first, second):
     """The vectors of two edges with these ends [m]."""
     a, b, c, d = first[0], first[1], second[0], second[1]
@@ -100,75 +89,3 @@ def push_along(x, first, second, by_s, by_t):
     u, v = both_edges(x, first, second)
     q, t = parts_along(u, v, by_s, -by_t)
     return q, -t, (q * u[0] - t * v[0], q * u[1] - t * v[1], q * u[2] - t * v[2])
-
-
-@numba.njit(cache=True)
-def edge_energy(gap, offset, recess, closed, stiffness, shear, first, ratio, largest_depth):
-    """Energy stored in the springs of closed pairs [J], and their number."""
-    energy, count = 0.0, 0
-    for p in range(first.size):
-        if closed[p]:
-            count += 1
-            depth = offset[p] - gap[p] - recess[p]
-            energy += stored_energy(stiffness[p], depth, largest_depth[p], 0.0)
-            energy += spring_energy(shear[p], stiffness[p] * ratio[first[p]])
-    return energy, count
-
-
-@numba.njit(cache=True)
-def _can_close(outside, gap, wait, margin, size):
-    """Whether a crossing can come between edges and facets, and close, by such a motion."""
-    nearest = wait if wait > 0.0 else gap  # not looked at since: the gap is of then
-    return nearest < margin and outside <= BEYOND + 2.0 * margin / size
-
-
-@numba.njit(cache=True)
-def find_edge_springs(margin, size, next_check, outside, gap, bound, place, closed, stiffness,
-                      first, second, area, layer, share):  # fmt: skip
-    """Pairs that are closed or can close by a motion of ``margin`` [m], and their stiffness.
-
-    Crossings that come between edges and facets by such a motion count too, an upper bound.
-
-    Args:
-        others: As in :func:`~.edges.add_edge_forces`.
-
-    Returns:
-        Pairs, shape (n,); stiffness [N/m], shape (n,).
-    """
-    found, k = np.empty(first.size, np.int64), np.empty(first.size)
-    n = 0
-    for p in range(first.size):
-        wait = next_check[p] - bound
-        if not (closed[p] or _can_close(outside[p], gap[p], wait, margin, size[p])):
-            continue
-        # As if it did not fade out where one edge goes on as the next, and were at nodes.
-        s, t = place[p, 0], place[p, 1]
-        found[n] = p
-        k[n], _ = at_place(first[p], second[p], s, t, area, layer, share)
-        n += 1
-    return found[:n], k[:n]
-
-
-@numba.njit(cache=True)
-def areas_and_pushes(area_of, along, on, x, place, depth, largest_depth, stiffness, shear, first,
-                     second, ends, area, layer, share, compliance, ratio):  # fmt: skip
-    """Areas that crossings stand for, and their forces along edges, in place.
-
-    Args:
-        area_of: Result [m²], shape (n,).
-        along: q, r and Q as of :func:`push_along`, shape (n, 5).
-        on: The crossings, shape (n,).
-        depth: Of these, without offset and recess [m], shape (n,).
-        others: As in :func:`~.edges.add_edge_forces`.
-    """
-    for k in range(on.size):
-        p = on[k]
-        i, j = first[p], second[p]
-        s, t = place[p, 0], place[p, 1]
-        even, fade = at_place(i, j, s, t, area, layer, share)
-        area_of[k] = fade * even * (layer[i] + layer[j])
-        kn, by_s, by_t = in_series(even, fade, s, t, compliance[i], compliance[j])
-        stored = stored_energy(1.0, depth[k], largest_depth[p], 0.0)
-        stored += spring_energy(shear[p], kn * ratio[i]) / kn
-        q, r, Q = push_along(x, ends[i], ends[j], by_s * stored, by_t * stored)
-        along[k, 0], along[k, 1], along[k, 2], along[k, 3], along[k, 4] = q, r, Q[0], Q[1], Q[2]

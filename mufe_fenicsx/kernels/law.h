@@ -1,6 +1,6 @@
 /* The law of a contact: its normal spring, Coulomb's friction with a static and a kinetic
    coefficient, and the dent of a body that yields. Written once, for WIDTH contacts (width.h): pairs
-   of points with facets and with walls call it. contact_law.py has it for edges and for tangents. */
+   of points with facets and with walls and of edges call it. contact_law.py has it for tangents. */
 
 #include "width.h"
 

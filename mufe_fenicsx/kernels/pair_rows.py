@@ -135,6 +135,31 @@ WALL_PAIR = Row(
     ("shear", REAL, 3, KEPT),
     ("work", REAL, 1, KEPT),
 )
+#: A pair of sharp edges; of its two numbers each the first is of the first edge.
+EDGE_PAIR = Row(
+    "edge_pair_row",
+    ("first", INTEGER),
+    ("second", INTEGER),
+    ("friction", INTEGER),  # of the pair of materials, 0 where all have the first one
+    ("closed", FLAG, 1, KEPT),
+    ("sliding", FLAG, 1, KEPT),  # it slipped in the last step
+    ("unused_1", SHORT),
+    ("outside", REAL, 1, KEPT),  # of both edges or their facets' normals; 2: edges end before
+    ("gap", REAL, 1, KEPT),
+    ("offset", REAL, 1, KEPT),  # <= 0
+    ("recess", REAL),  # depth at which the contact of edges begins
+    ("size", REAL),  # mean edge of both sides
+    ("largest_depth", REAL),  # beyond which the force does not grow
+    ("place", REAL, 2, KEPT),  # s and t of the crossing
+    ("stick_point", REAL, 2, KEPT),
+    ("normal", REAL, 3, KEPT),  # from the second to the first edge
+    ("stiffness", REAL, 1, KEPT),
+    ("shear", REAL, 3, KEPT),  # friction on the first edge
+    ("slip", REAL, 1, KEPT),  # since the last search, as the work
+    ("work", REAL, 1, KEPT),
+    ("ratio", REAL),
+    ("unused_2", REAL, 2),
+)
 #: What a pair needs where a body yields beneath it.
 DENT = Row(
     "dent_row",
@@ -153,10 +178,10 @@ DENT = Row(
 #: What points keep of dents when their pairs go, for whoever comes next: a type of NumPy and of C.
 POINT_DENT = np.dtype([("dent", REAL), ("beyond", REAL), ("met", INTEGER), ("unused", INTEGER)])
 
-#: Structs of C, which pairs and walls include.
+#: Structs of C, which pairs, walls and edges include.
 HEADER = "#include <stdint.h>\n\n" + "\n".join(
     (
-        *(row.in_c() for row in (PAIR, WALL_PAIR, DENT)),
+        *(row.in_c() for row in (PAIR, WALL_PAIR, EDGE_PAIR, DENT)),
         "typedef struct {\n  double dent, beyond;\n  int32_t met, unused;\n} point_dent_row;\n",
     )
 )

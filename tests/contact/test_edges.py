@@ -3,14 +3,16 @@
 import mufe_fenicsx  # noqa: F401, before dolfinx: it loads MPI
 
 # isort: split
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.bulk.solid import Solid
+from mufe_fenicsx.contact.pairs.table import RowTable
 from mufe_fenicsx.contact.surface.surface import neighbours
 from mufe_fenicsx.explicit.simulation import Simulation
-from mufe_fenicsx.kernels.crossing import crossing
 from mufe_fenicsx.kernels.edge_search import (
     find_edge_pairs,
     list_sharp_edges,
@@ -18,8 +20,8 @@ from mufe_fenicsx.kernels.edge_search import (
     sharp_edges,
     sort_edges_into_cells,
 )
-from mufe_fenicsx.kernels.edge_springs import edge_energy
-from mufe_fenicsx.kernels.edges import add_edge_forces
+from mufe_fenicsx.kernels.edges import EdgeForces, edge_energy
+from mufe_fenicsx.kernels.pair_rows import EDGE_PAIR
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.verification.sliding_normal import ridge
@@ -95,39 +97,36 @@ def test_edge_pairs_against_all_pairs():
     assert found == twin and len(twin) > 100
 
 
-class Pair:
+class Pair(RowTable):
     """State of one pair of edges."""
 
     def __init__(self):
-        self.next_check, self.outside = np.zeros(1), np.zeros(1)
-        self.sliding = np.zeros(1, dtype=bool)
-        self.largest_depth, self.size, self.recess = np.full(1, 10.0), np.ones(1), np.zeros(1)
-        self.place, self.normal = np.zeros((1, 2)), np.zeros((1, 3))
-        self.gap, self.offset, self.closed = np.zeros(1), np.zeros(1), np.zeros(1, dtype=bool)
-        self.stiffness, self.stick_point = np.zeros(1), np.zeros((1, 2))
-        self.shear, self.slip, self.work = np.zeros((1, 3)), np.zeros(1), np.zeros(1)
-        self.first, self.second = np.zeros(1, np.int32), np.ones(1, np.int32)
-        self.ratio, self.compliance = np.array([0.9]), np.zeros(2)
-
-    def forces(self, x, friction=1e9, bound=10.0, accept=False, kinetic=None):
-        f, kinetic = np.zeros_like(x), friction if kinetic is None else kinetic
+        super().__init__(EDGE_PAIR, 1, 0.0)
+        self.second[:], self.outside[:], self.gap[:] = 1, 0.0, 0.0
+        self.largest_depth[:], self.size[:], self.ratio[:] = 10.0, 1.0, 0.9
         one = np.ones(2)
-        self.lost = add_edge_forces(
-            f, self.next_check, self.outside, self.place, self.normal, self.gap, self.offset,
-            self.closed,
-            self.sliding, self.stiffness, self.stick_point, self.shear, self.slip,
-            self.work, bound, x, self.first, self.second, ENDS, BEYOND, one, one,
-            np.ones((2, 2)), self.compliance, self.ratio,
-            np.array([[friction, kinetic]]), np.empty(0, np.int32), self.size,
-            self.largest_depth, self.recess, accept,
+        self.edges = SimpleNamespace(
+            ends=ENDS, beyond=BEYOND, area=one, layer=one, share=np.ones((2, 2)),
+            compliance=np.zeros(2),
         )  # fmt: skip
+
+    def force(self, x, friction=1e9, bound=10.0, accept=False, kinetic=None):
+        f, kinetic = np.zeros_like(x), friction if kinetic is None else kinetic
+        both = np.array([[friction, kinetic]])
+        self.lost = EdgeForces(self, self.edges, both, x, f)(bound, accept)
         return f
 
     def energy(self):
-        return edge_energy(
-            self.gap, self.offset, self.recess, self.closed, self.stiffness, self.shear, self.first,
-            self.ratio, self.largest_depth,
-        )[0]  # fmt: skip
+        return edge_energy(self.state, self.closed)[0]
+
+
+def pressed(x, depth):
+    """Move the second body into the first one along the normal of the crossing, which is given."""
+    pair = Pair()
+    pair.force(x)
+    n = pair.normal[0].copy()
+    x[4:] += (pair.gap[0] + depth) * n
+    return n
 
 
 @pytest.mark.parametrize("compliance", [0.0, 0.7])
@@ -139,15 +138,14 @@ def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed, compliance):
     """
     rng = np.random.default_rng(seed)
     x = two_tets(rng)
-    _, _, _, *n, gap, _, _ = crossing(x, ENDS, BEYOND, 0, 1)
-    x[4:] += (gap + 0.05) * np.array(n)
+    pressed(x, 0.05)
     pair = Pair()
-    pair.compliance[:] = compliance, 2.0 * compliance
-    pair.forces(x)  # closes with its stick points at the crossing
+    pair.edges.compliance[:] = compliance, 2.0 * compliance
+    pair.force(x)  # closes with its stick points at the crossing
     assert pair.closed[0]
     x = x + 0.03 * rng.standard_normal(x.shape)
-    assert crossing(x, ENDS, BEYOND, 0, 1)[0] <= 0
-    f = pair.forces(x)
+    f = pair.force(x)
+    assert pair.outside[0] <= 0
     size = np.abs(f).max()
     assert np.linalg.norm(pair.shear) > 1e-3
     # Round-off, over the square of the sine between the edges.
@@ -160,7 +158,7 @@ def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed, compliance):
         d[i] = step
         sides = []
         for y in (x + d, x - d):
-            pair.forces(y)
+            pair.force(y)
             sides.append(pair.energy())
         numeric[i] = -(sides[0] - sides[1]) / (2 * step)
     # Central differences: step² and eps/step.
@@ -171,18 +169,16 @@ def test_friction_of_a_crossing():
     """Dragged along both edges it slips at mu N; the work of the drag is stored or dissipated."""
     rng = np.random.default_rng(7)
     x = two_tets(rng)
-    _, _, _, *n, gap, _, _ = crossing(x, ENDS, BEYOND, 0, 1)
-    n = np.array(n)
-    x[4:] += (gap + 0.05) * n
+    n = pressed(x, 0.05)
     mu, pair = 0.3, Pair()
-    before = pair.forces(x, mu)
+    before = pair.force(x, mu)
     way = 0.1 * ((x[1] - x[0]) / 2 + (x[5] - x[4]) / 3)
     way -= n * n.dot(way)
     work = dissipated = 0.0
     steps = 400
     for _ in range(steps):
         x[:4] += way / steps
-        now = pair.forces(x, mu)
+        now = pair.force(x, mu)
         dissipated += pair.lost[0]
         work -= (0.5 * (before + now)[:4].sum(axis=0)).dot(way / steps)
         before = now
@@ -203,14 +199,13 @@ def test_a_crossing_slips_at_the_kinetic_coefficient():
     """It holds up to the static one, then slips at the kinetic one until it sticks."""
     rng = np.random.default_rng(7)
     x = two_tets(rng)
-    _, _, _, *n, gap, _, _ = crossing(x, ENDS, BEYOND, 0, 1)
-    x[4:] += (gap + 0.05) * np.array(n)
+    pressed(x, 0.05)
     static, kinetic, pair = 0.5, 0.2, Pair()
     along = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
     ratios = []
     for step in (*[1e-4] * 400, -2e-4, 0.0):
         x[:4] += step * along
-        pair.forces(x, static, kinetic=kinetic)
+        pair.force(x, static, kinetic=kinetic)
         ratios.append(np.linalg.norm(pair.shear[0]) / (pair.stiffness[0] * -pair.gap[0]))
     slipping = np.isclose(ratios, kinetic, rtol=1e-9)
     first = int(np.argmax(slipping[1:])) + 1

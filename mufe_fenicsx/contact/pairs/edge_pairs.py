@@ -9,31 +9,16 @@ from ...kernels.edge_search import (
     list_sharp_edges,
     sort_edges_into_cells,
 )
-from ...kernels.edge_springs import edge_energy, find_edge_springs
-from ...kernels.edges import add_edge_forces
-from ...state import Stateful
+from ...kernels.edges import EdgeForces, edge_energy
+from ...kernels.pair_rows import EDGE_PAIR
 from ..laws import edge_of_area
-
-#: What a pair keeps when the edges are searched anew; work and slip are booked before.
-REMEMBERED = (
-    "outside",
-    "place",
-    "normal",
-    "gap",
-    "offset",
-    "closed",
-    "sliding",
-    "stiffness",
-    "stick_point",
-    "shear",
-)
-
+from .table import RowTable
 
 class EdgeContact:
     """Contact of crossing sharp edges, of which no vertex need be inside the other grain.
 
     A pair is an own edge and an edge of a grain of higher number: the rank of the lower
-    grain evaluates it. Edges at less than ``kernels.edges.PARALLEL`` to each other are left
+    grain evaluates it. Edges at less than ``PARALLEL`` (kernels/crossing.h) to each other are left
     to nodes and facets, as are edges that are not sharp (``OwnSurface.sharp_edge``).
 
     The stiffness of a crossing is that of a node at its place on a facet, of the finer edge:
@@ -89,9 +74,7 @@ class EdgeContact:
 
     def set_pairs(self, first, second, bound):
         """Make the pairs those of the edges ``first`` and ``second``, without any past. Local."""
-        pairs = EdgePairs(first, second, self.edges, self.recess, bound)
-        pairs.friction_row = self.friction.rows(pairs.grain, pairs.partner)
-        self.pairs = pairs
+        self.pairs = EdgePairs(first, second, self.edges, self.recess, bound, self.friction)
 
     def keys(self):
         """Numbers that name the pairs, shape (num_pairs,); None before the first search."""
@@ -103,27 +86,20 @@ class EdgeContact:
     def _transfer(self, old, old_keys):
         new = self.pairs
         _, at_old, at_new = np.intersect1d(old_keys, self.keys(), True, return_indices=True)
-        for name in REMEMBERED:
+        for name in new.row.kept:
             getattr(new, name)[at_new] = getattr(old, name)[at_old]
+        new.slip[:] = new.work[:] = 0.0  # they are booked
         # What waited, but is looked at again, may not have moved further since.
         new.next_check[at_new] = np.minimum(new.next_check[at_new], old.next_check[at_old])
 
-    def add_forces(self, f, x, bound, accept):
-        """Add the forces of all pairs to ``f``. Local.
+    def bind(self, x, f):
+        """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
 
-        Returns:
-            Energy dissipated [J]; energy that springs lost where crossings changed [J]; number of
-            accepted pairs; largest accepted depth [m].
+        Args:
+            x, f: As of :class:`~mufe_fenicsx.kernels.edges.EdgeForces`.
         """
-        p, e = self.pairs, self.edges
-        if bound < p.next_check.min(initial=np.inf):
-            return 0.0, 0.0, 0, 0.0
-        return add_edge_forces(
-            f, p.next_check, p.outside, p.place, p.normal, p.gap, p.offset, p.closed, p.sliding,
-            p.stiffness, p.stick_point, p.shear, p.slip, p.work, bound, x, p.first,
-            p.second, e.ends, e.beyond, e.area, e.layer, e.share, e.compliance, e.ratio,
-            self.friction.coefficients, p.friction_row, p.size, p.largest_depth, p.recess, accept,
-        )  # fmt: skip
+        coefficients = self.friction.coefficients
+        self.pairs.forces = EdgeForces(self.pairs, self.edges, coefficients, x, f)
 
     def springs(self, margin, bound):
         """Springs of closed pairs and of those that a motion of ``margin`` [m] can close. Local.
@@ -133,25 +109,17 @@ class EdgeContact:
             four nodes each; stiffness along and across [N/m].
         """
         p, e = self.pairs, self.edges
-        on, kn = find_edge_springs(
-            margin, p.size, p.next_check, p.outside, p.gap, bound, p.place, p.closed, p.stiffness,
-            p.first, p.second, e.area, e.layer, e.share,
-        )  # fmt: skip
-        first, second = p.first[on], p.second[on]
+        on, kn = p.forces.springs(margin, bound)
         s, t = np.clip(p.place[on], 0.0, 1.0).T
-        nodes = np.concatenate([e.ends[first], e.ends[second]], axis=1)
-        return nodes, np.stack([1 - s, s, t - 1, -t], axis=1), p.normal[on], kn, kn * e.ratio[first]
+        nodes = np.concatenate([e.ends[p.first[on]], e.ends[p.second[on]]], axis=1)
+        return nodes, np.stack([1 - s, s, t - 1, -t], axis=1), p.normal[on], kn, kn * p.ratio[on]
 
     def energy(self, left_out=None):
         """Energy in the springs [J] and number of closed pairs, as of Contact.energy. Local."""
-        p, e = self.pairs, self.edges
-        closed = p.closed
+        p, closed = self.pairs, self.pairs.closed
         if left_out is not None:
             closed = closed & ~(left_out[p.grain] | left_out[p.partner])
-        return edge_energy(
-            p.gap, p.offset, p.recess, closed, p.stiffness, p.shear, p.first, e.ratio,
-            p.largest_depth,
-        )  # fmt: skip
+        return edge_energy(p.state, closed)
 
     def closed_grains(self):
         """Both grains of each closed pair, shape (num_closed, 2). Local."""
@@ -182,36 +150,22 @@ class _Edges:
         self.ratio = ratio_of_node[self.ends[: self.num_own, 0]]
 
 
-class EdgePairs(Stateful):
+class EdgePairs(RowTable):
     """Pairs of edges of one rank. Arrays as in kernels.edges."""
 
-    #: What a checkpoint keeps of each pair.
-    KEPT = (
-        "next_check", "outside", "place", "normal", "gap", "offset", "closed", "sliding",
-        "stiffness", "stick_point", "shear", "slip", "work",
-    )  # fmt: skip
-    STATE = {"here": KEPT}
-
-    def __init__(self, first, second, edges, recess, bound):
-        n = first.size
-        self.first, self.second = first, second
+    def __init__(self, first, second, edges, recess, bound, friction):
+        super().__init__(EDGE_PAIR, first.size, bound)
+        self.first[:], self.second[:] = first, second
         self.grain, self.partner = edges.grain[first], edges.grain[second]
-        self.size = 0.5 * (edges.length[first] + edges.length[second])
-        self.largest_depth = edges.depth[first] + edges.depth[second]
-        self.recess = recess * self.size
-        self.next_check = np.full(n, bound)
-        self.outside = np.full(n, np.inf)
-        self.place = np.full((n, 2), 0.5)
-        self.normal = np.zeros((n, 3))
-        self.gap = np.full(n, np.inf)
-        self.offset = np.zeros(n)
-        self.closed = np.zeros(n, dtype=bool)
-        self.sliding = np.zeros(n, dtype=bool)
-        self.stiffness = np.zeros(n)
-        self.stick_point = np.zeros((n, 2))
-        self.shear = np.zeros((n, 3))
-        self.slip = np.zeros(n)
-        self.work = np.zeros(n)
+        #: Rows of their coefficients; of size 0 where all have the first ones.
+        self.friction_row = friction.rows(self.grain, self.partner)
+        if self.friction_row.size:
+            self.friction[:] = self.friction_row
+        self.size[:] = 0.5 * (edges.length[first] + edges.length[second])
+        self.largest_depth[:] = edges.depth[first] + edges.depth[second]
+        self.recess[:] = recess * self.size
+        self.ratio[:] = edges.ratio[first]
+        self.outside[:], self.place[:] = np.inf, 0.5
 
 
 def edge_compliances(own, x, of_mesh):

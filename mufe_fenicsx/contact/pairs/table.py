@@ -1,4 +1,4 @@
-"""Pairs of points with grains or with walls: the rows that kernels work on."""
+"""Pairs of points with grains or with walls, and of edges: the rows that kernels work on."""
 
 import numpy as np
 
@@ -7,41 +7,63 @@ from ...kernels.transfer import copy_rows
 from ...state import Stateful
 
 
-class PairTable(Stateful):
-    """A row of each pair, and another one where a body can yield. Local.
+class RowTable(Stateful):
+    """A row of each pair. Local.
 
     Each field of the rows is an attribute, a view of shape (num_pairs,) or (num_pairs, n).
 
     Args:
         row: :class:`~mufe_fenicsx.kernels.pair_rows.Row` of the pairs.
-        node: Their points, int32, shape (num_pairs,).
-        motion_bounds: :class:`~.motion_bounds.MotionBounds` of the pairs.
+        number: How many.
         bound: Of all relative motion so far [m].
-        yields: Whether some body of all ranks can yield.
     """
 
-    STATE = {"here": ("next_check", "state", "dents", "bounds")}
+    STATE = {"here": ("next_check", "state")}
 
-    def __init__(self, row, node, motion_bounds, bound, yields):
-        self.row, self.node, self.motion_bounds = row, node, motion_bounds
-        self.next_check = np.full(node.size, bound)
-        self.state = row.rows(node.size)
-        self.dents = DENT.rows(node.size if yields else 0)
-        self.yields = yields
+    def __init__(self, row, number, bound):
+        self.row = row
+        self.next_check = np.full(number, bound)
+        self.state = row.rows(number)
         for field in row.fields:
             setattr(self, field.name, row.view(self.state, field.name))
-        self.node = node
-        for field in DENT.fields if yields else ():
-            setattr(self, field.name, DENT.view(self.dents, field.name))
-        if not yields:
-            self.dent = self.slope_left = np.zeros(node.size)
         self.gap[:] = np.inf
         self.forces = None  #: of the kernels, once they are wanted
 
     @property
     def kept(self):
         """Names of what a checkpoint keeps of each pair."""
-        return ("next_check", *self.row.kept, *(DENT.kept if self.yields else ()))
+        return ("next_check", *self.row.kept)
+
+    def of_mark(self, kept, name):
+        """An array of the pairs as it was, from what :meth:`state_dict` told then under "here"."""
+        return self.row.view(kept["state"], name)
+
+
+class PairTable(RowTable):
+    """A row of each pair of a point, and another one where a body can yield. Local.
+
+    Args:
+        row, bound: As of :class:`RowTable`.
+        node: Their points, int32, shape (num_pairs,).
+        motion_bounds: :class:`~.motion_bounds.MotionBounds` of the pairs.
+        yields: Whether some body of all ranks can yield.
+    """
+
+    STATE = {"here": (*RowTable.STATE["here"], "dents", "bounds")}
+
+    def __init__(self, row, node, motion_bounds, bound, yields):
+        super().__init__(row, node.size, bound)
+        self.node, self.motion_bounds, self.yields = node, motion_bounds, yields
+        self.dents = DENT.rows(node.size if yields else 0)
+        for field in DENT.fields if yields else ():
+            setattr(self, field.name, DENT.view(self.dents, field.name))
+        if not yields:
+            self.dent = self.slope_left = np.zeros(node.size)
+
+    @property
+    def kept(self):
+        """Names of what a checkpoint keeps of each pair."""
+        return (*super().kept, *(DENT.kept if self.yields else ()))
 
     @property
     def bounds(self):
@@ -49,9 +71,9 @@ class PairTable(Stateful):
         return self.motion_bounds.bounds
 
     def of_mark(self, kept, name):
-        """An array of the pairs as it was, from what :meth:`state_dict` told then under "here"."""
+        """As of :class:`RowTable`; of dents too."""
         if name in self.row.dtype.names:
-            return self.row.view(kept["state"], name)
+            return super().of_mark(kept, name)
         return DENT.view(kept["dents"], name) if self.yields else getattr(self, name)
 
     def take_rows(self, new, old, source):

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...kernels.edge_springs import areas_and_pushes
-
 
 @dataclass(frozen=True)
 class Crossings:
@@ -40,22 +38,18 @@ def closed_crossings(contact):
     Args:
         contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
     """
-    p, e = contact.edges.pairs, contact.edges.edges
+    contact.bind()
+    p = contact.edges.pairs
     on = np.flatnonzero(p.closed)
     depth = p.offset[on] - p.gap[on] - p.recess[on]
     normal_force = p.stiffness[on] * np.minimum(depth, p.largest_depth[on])
     normal, friction = p.normal[on], p.shear[on]
-    # As in kernels.edges.add_edge_forces: friction acts at the stick points, with a couple.
+    # As in kernels.edges: friction acts at the stick points, with a couple.
     s, t = p.place[on].T
     stick_point_s, stick_point_t = p.stick_point[on].T
-    lever = p.stiffness[on] * e.ratio[p.first[on]] * p.gap[on]
-    area, pushes = np.empty(on.size), np.empty((on.size, 5))
+    lever = p.stiffness[on] * p.ratio[on] * p.gap[on]
     x = contact.ghosts.positions.array[contact.ghosts.num_before :]
-    areas_and_pushes(
-        area, pushes, on, x, p.place, depth,
-        p.largest_depth, p.stiffness, p.shear, p.first, p.second, e.ends, e.area, e.layer, e.share,
-        e.compliance, e.ratio,
-    )  # fmt: skip
+    area, pushes = p.forces.areas_and_pushes(on)
     q, r, pulled = pushes[:, 0], pushes[:, 1], pushes[:, 2:]
     h0 = -lever * (stick_point_s - s) + p.gap[on] * q
     h1 = lever * (stick_point_t - t) + p.gap[on] * r

@@ -158,6 +158,7 @@ def _soon(pairs, margin, expected):
 
 def _listed(contact, margin, pairs, walls):
     """Springs of pairs, of crossing edges and of pairs with walls. Collective."""
+    contact.bind()
     edges = contact.edges.springs(margin, contact.motion.bound)
     # As large as they come to be from the start: to join parts takes as long as to fill them.
     between = SpringList.empty(pairs.size + edges[-1].size, 6)
