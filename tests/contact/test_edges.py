@@ -165,6 +165,30 @@ def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed, compliance):
     np.testing.assert_allclose(f, numeric, atol=1e-8 * size)
 
 
+def test_looking_when_it_is_due_finds_what_looking_always_does():
+    """Bodies that tumble past each other; bounds by how far their nodes moved."""
+    rng = np.random.default_rng(11)
+    closed = looked = 0
+    for k in range(40):
+        x, bound = two_tets(rng), 0.0
+        n = pressed(x, -0.4 * rng.random())
+        spin, way = 0.02 * rng.standard_normal((2, 3)), 0.01 * rng.standard_normal((2, 3))
+        if k % 2:  # straight on
+            spin[:], way[:] = 0.0, [0.0 * n, 0.005 * n]
+        lazy, eager = Pair(), Pair()
+        for _ in range(150):
+            move = np.repeat(way, 4, axis=0) + np.cross(np.repeat(spin, 4, axis=0), x)
+            x += move
+            bound += np.linalg.norm(move[:4], axis=1).max() + np.linalg.norm(move[4:], axis=1).max()
+            eager.next_check[:] = np.minimum(eager.next_check, bound)
+            before = lazy.next_check[0]
+            f = lazy.force(x, 0.3, bound)
+            np.testing.assert_array_equal(f, eager.force(x, 0.3, bound))
+            looked += before <= bound
+            closed += bool(eager.closed[0])
+    assert closed > 300 and looked < 0.9 * 40 * 150
+
+
 def test_friction_of_a_crossing():
     """Dragged along both edges it slips at mu N; the work of the drag is stored or dissipated."""
     rng = np.random.default_rng(7)

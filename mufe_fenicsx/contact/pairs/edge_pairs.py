@@ -14,6 +14,7 @@ from ...kernels.pair_rows import EDGE_PAIR
 from ..laws import edge_of_area
 from .table import RowTable
 
+
 class EdgeContact:
     """Contact of crossing sharp edges, of which no vertex need be inside the other grain.
 
