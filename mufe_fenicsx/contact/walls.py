@@ -211,16 +211,6 @@ class Walls(Stateful):
         p = self.pairs
         return self.gaps(x[p.node], p.wall)[0] + p.recess
 
-    def normals_and_curvature(self, x, wall):
-        """Normals of walls at places, (num, 3), and their curvature [1/m], shape (num,). Local.
-
-        Arguments as of :meth:`gaps`. The curvature is negative where grains are outside.
-        """
-        gap, normal = self.gaps(x, wall)
-        side = self.curved.side[wall]
-        distance = np.abs(self.curved.radius[wall]) - side * gap
-        return normal, np.divide(side, distance, out=np.zeros(len(x)), where=side != 0.0)
-
     def turn_back(self):
         """Undo what the last :meth:`move` did to the stick points of walls that turn. Local."""
         for i in np.flatnonzero(self.turn.any(axis=1)):

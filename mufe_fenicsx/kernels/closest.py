@@ -58,20 +58,6 @@ def closest_point(px, py, pz, x, a, b, c):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def project(px, py, pz, x, a, b, c):
-    """Weights of the foot of a point on the plane of the triangle a, b, c."""
-    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-    vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
-    dx, dy, dz = px - x[a, 0], py - x[a, 1], pz - x[a, 2]
-    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
-    uv = ux * vx + uy * vy + uz * vz
-    du, dv = dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz
-    det = uu * vv - uv * uv
-    wb, wc = (vv * du - uv * dv) / det, (uu * dv - uv * du) / det
-    return 1.0 - wb - wc, wb, wc
-
-
-@numba.njit(cache=True, error_model="numpy")
 def facet_normal(x, a, b, c):
     """Unit normal of the triangle a, b, c, outward where the vertices turn to the left."""
     ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]

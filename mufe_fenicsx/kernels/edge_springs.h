@@ -90,4 +90,20 @@ INLINE push_type push_along(two_edges e, place_type by) {
   return (push_type){of.s, -of.t, between(e, of)};
 }
 
+/* Forces on the ends of both edges, of a crossing ``at`` a place and a gap that carries a normal force
+   N and the friction ``shear`` of the spring ``by`` with the stiffness kt; ``push``: along the edges. */
+INLINE void forces_on_ends(vec3 on[4], double N, double kt, place_type at, place_type by, double gap,
+                           vec3 normal, vec3 shear, push_type push) {
+  /* Couple: T = -kt (ds u - dt v), so h = -kt g ds on the first edge, kt g dt on the second. */
+  const double h0 = -kt * gap * by.s + gap * push.q, h1 = kt * gap * by.t + gap * push.r;
+  const place_type stick = {at.s + by.s, at.t + by.t};
+  const double share[4] = {1.0 - at.s, at.s, 1.0 - at.t, at.t};
+  const double of_friction[4] = {1.0 - stick.s, stick.s, 1.0 - stick.t, stick.t};
+  const double couple[4] = {-h0, h0, h1, -h1};
+  for (int k = 0; k < 4; k++) {
+    const vec3 both = along(times(share[k] * N + couple[k], normal), of_friction[k], shear);
+    on[k] = times(k < 2 ? 1.0 : -1.0, along(both, share[k], push.force));
+  }
+}
+
 #endif

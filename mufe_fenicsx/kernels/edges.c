@@ -167,30 +167,6 @@ static void open_pair(const edge_pairs_type *m, found_type *found, int64_t p, ve
   m->next_check[p] = bound + (s->outside <= 0.0 ? most(s->gap, 0.0) : 0.0);
 }
 
-/* Add the forces of a pair that carries a normal force N, and has friction's stiffness kt and the
-   spring ``by``; ``push``: along the edges. */
-static void add_forces(const edge_pairs_type *m, const edge_pair_row *s, double N, double kt,
-                       place_type by, push_type push) {
-  const int32_t *first = m->edges.ends + 2 * s->first, *second = m->edges.ends + 2 * s->second;
-  /* Couple: T = -kt (ds u - dt v), so h = -kt g ds on the first edge, kt g dt on the second. */
-  const double h0 = -kt * s->gap * by.s + s->gap * push.q;
-  const double h1 = kt * s->gap * by.t + s->gap * push.r;
-  const place_type at = two_of(s->place), stick = two_of(s->stick_point);
-  const struct {
-    int32_t node;
-    double side, normal, friction, push;
-  } on[4] = {
-      {first[0], 1.0, (1.0 - at.s) * N - h0, 1.0 - stick.s, 1.0 - at.s},
-      {first[1], 1.0, at.s * N + h0, stick.s, at.s},
-      {second[0], -1.0, (1.0 - at.t) * N + h1, 1.0 - stick.t, 1.0 - at.t},
-      {second[1], -1.0, at.t * N - h1, stick.t, at.t},
-  };
-  for (int k = 0; k < 4; k++) {
-    const vec3 both = along(times(on[k].normal, s->normal), on[k].friction, s->shear);
-    add_to(m->f, on[k].node, times(on[k].side, along(both, on[k].push, push.force)));
-  }
-}
-
 /* Friction, then what the pair carries; or it opens. */
 static void add_one(const edge_pairs_type *m, found_type *found, int64_t p, double bound) {
   edge_pair_row *s = m->row + p;
@@ -235,7 +211,11 @@ static void add_one(const edge_pairs_type *m, found_type *found, int64_t p, doub
   /* The same energy moves it along the edges, towards where the spring is softer. */
   const double stored = energy_over(s, 1.0, depth) + half;
   const push_type push = push_along(both, (place_type){k.slope.s * stored, k.slope.t * stored});
-  add_forces(m, s, normal_force(kn, 0.0, depth, s->largest_depth), kt, by, push);
+  vec3 on[4];
+  forces_on_ends(on, normal_force(kn, 0.0, depth, s->largest_depth), kt, at, by, s->gap, s->normal,
+                 s->shear, push);
+  const int32_t *first = m->edges.ends + 2 * s->first, *second = m->edges.ends + 2 * s->second;
+  for (int k = 0; k < 4; k++) add_to(m->f, k < 2 ? first[k] : second[k - 2], on[k]);
 }
 
 /* See kernels/edges.py. */

@@ -54,8 +54,7 @@ class EdgeForces:
         self._found_at = address(self._found)
         self._pointers = Pointers(
             (pairs.state, real), (pairs.next_check, real), (np.empty(num + 1, short), short),
-            (x, real), (f, real), (friction, real), (edges.ends, short), (edges.beyond, short),
-            (edges.area, real), (edges.layer, real), (edges.share, real), (edges.compliance, real),
+            (x, real), (f, real), (friction, real), *arrays_of(edges),
         )  # fmt: skip
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
         library = load("edges")
@@ -109,6 +108,15 @@ class EdgeForces:
         outputs = address(area), address(pushes)
         self._look(self._pointers.table, *outputs, address(on, np.int64), on.size)
         return area, pushes
+
+
+def arrays_of(edges):
+    """Arrays of edges and their types, as in edge_springs.h."""
+    real, short = np.float64, np.int32
+    return (
+        (edges.ends, short), (edges.beyond, short), (edges.area, real), (edges.layer, real),
+        (edges.share, real), (edges.compliance, real),
+    )  # fmt: skip
 
 
 def edge_energy(state, closed):

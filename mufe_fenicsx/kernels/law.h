@@ -1,6 +1,6 @@
 /* The law of a contact: its normal spring, Coulomb's friction with a static and a kinetic
    coefficient, and the dent of a body that yields. Written once, for WIDTH contacts (width.h): pairs
-   of points with facets and with walls and of edges call it. contact_law.py has it for tangents. */
+   of points with facets and with walls, and of edges, call it, and their tangents. */
 
 #include "width.h"
 
@@ -98,19 +98,24 @@ typedef struct {
 
 /* Coulomb's law: whether a spring slips, and the part of it that is ``left``. One that sticks slips
    where its force exceeds the limit of static friction, one that ``slid`` where it exceeds the
-   kinetic one; then it carries that. */
-INLINE truth OF(coulomb)(real force, real held, real kinetic, truth slid, real *left) {
+   kinetic one; then it carries that. ``is_known``: it slips where it slid, whatever its force. */
+INLINE truth OF(coulomb_as)(real force, real held, real kinetic, truth slid, truth is_known,
+                            real *left) {
   const real whole = OF(number)(1.0);
-  const truth slips = force > OF(where)(slid, kinetic, held);
+  const truth exceeds = force > OF(where)(slid, kinetic, held);
+  const truth slips = (is_known & slid) | (OF(no)(is_known) & exceeds);
   *left = whole;
   if (OF(any)(slips))
     *left = OF(where)(slips, kinetic / OF(where)(slips, force, whole), whole);
   return slips;
 }
+INLINE truth OF(coulomb)(real force, real held, real kinetic, truth slid, real *left) {
+  return OF(coulomb_as)(force, held, kinetic, slid, (truth){0}, left);
+}
 
 /* The energy that slip takes is the work of the mean friction of the step: exact for the trapezoidal
    rule. */
-INLINE OF(carried_type) OF(carry)(OF(contact_type) c) {
+INLINE OF(carried_type) OF(carry_as)(OF(contact_type) c, truth is_known) {
   const real none = OF(number)(0.0);
   const real kt = OF(tangential_stiffness)(c.of, c.depth);
   const real kt_slope = c.steep * OF(tangential_slope)(c.of, c.depth);
@@ -121,7 +126,7 @@ INLINE OF(carried_type) OF(carry)(OF(contact_type) c) {
   const real held = OF(limit_of_friction)(c.held, now.N, kt, kt_slope);
   const real kinetic = OF(limit_of_friction)(c.kinetic, now.N, kt, kt_slope);
   real left;
-  now.sliding = OF(coulomb)(T, held, kinetic, c.slid, &left);
+  now.sliding = OF(coulomb_as)(T, held, kinetic, c.slid, is_known, &left);
   now.slipped = now.lost = none;
   if (OF(any)(now.sliding)) {
     const real over = OF(where)(now.sliding, T, OF(number)(1.0));
@@ -134,6 +139,7 @@ INLINE OF(carried_type) OF(carry)(OF(contact_type) c) {
   now.N += 0.5 * kt_slope * OF(dot)(now.spring, now.spring);
   return now;
 }
+INLINE OF(carried_type) OF(carry)(OF(contact_type) c) { return OF(carry_as)(c, (truth){0}); }
 
 /* Energy that friction takes where a contact opens: all of the spring slips, and it ends at none. */
 INLINE real OF(lost_at_opening)(OF(vec3) shear, OF(vec3) spring) {

@@ -33,6 +33,7 @@ SOURCES = {
     "walls": (),
     # What pierces what hangs on products that cancel.
     "edges": ("-ffp-contract=off",),
+    "tangents": (),
     # A product that is added in one rounding would give other bits than kernels of numba do.
     "kick_drift": ("-ffp-contract=off",),
 }

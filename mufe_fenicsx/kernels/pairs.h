@@ -124,6 +124,33 @@ INLINE double bulge_at(const pair_row *s, vec3 w, triangle t, vec3 u, int featur
   return ab * w.x * w.y + bc * w.y * w.z + ca * w.z * w.x - dot(o, w);
 }
 
+/* Weights of the point of a facet that a spring s from the node p leads to. ``foot`` is the
+   closest point and ``n`` the normal of the contact, which differs from that of the facet on its
+   edges and vertices. The spring lies across n, so its end is moved along n into the facet: along
+   the facet's own normal a node at depth would find another spring in the next step. */
+INLINE vec3 stick_point_of(vec3 s, vec3 foot, vec3 n, vec3 facet_normal, triangle t) {
+  double slant = dot(n, facet_normal);
+  double shift = slant > 0.1 ? dot(s, facet_normal) / slant : 0.0;
+  return project(along(minus(foot, s), shift, n), t);
+}
+
+/* Forces on the vertices of the facet t with a force on the point: the opposite one, shared by the
+   weights w of its foot, and the couple of the height and the part of the force in the facet, as
+   normal forces h_i = height grad N_i . T, less what is across the facet, along the normal, where
+   that is of an edge or vertex. */
+INLINE void forces_on_facet(vec3 on[3], vec3 force, vec3 w, double height, vec3 normal,
+                            vec3 facet_normal, triangle t) {
+  const vec3 e1 = minus(t.b, t.a), e2 = minus(t.c, t.a);
+  const vec3 in_plane = along(force, -dot(force, facet_normal) / dot(normal, facet_normal), normal);
+  const double scale = height / dot(facet_normal, cross(e1, e2));
+  /* grad N_b = (e2 x n)/2A and grad N_c = (n x e1)/2A */
+  const double hb = scale * dot(in_plane, cross(e2, facet_normal));
+  const double hc = scale * dot(in_plane, cross(facet_normal, e1));
+  on[0] = along(times(-hb - hc, normal), -w.x, force);
+  on[1] = along(times(hb, normal), -w.y, force);
+  on[2] = along(times(hc, normal), -w.z, force);
+}
+
 /* Depth from which the force of that pair grows no more: both sides add. */
 INLINE double largest_depth_of(const pairs_type *m, const pair_row *s, int64_t k) {
   return m->depth_of_node[s->node] + m->depth_of_facet[m->candidate[k]];

@@ -20,16 +20,6 @@ INLINE double finer_depth(const pairs_type *m, const pair_row *s, int64_t k) {
   return fabs(alike - 1.0) < 0.01 ? least(own, other) : 0.5 * (own + other);
 }
 
-/* Weights of the point of a facet that a spring s from the node p leads to. ``foot`` is the
-   closest point and ``n`` the normal of the contact, which differs from that of the facet on its
-   edges and vertices. The spring lies across n, so its end is moved along n into the facet: along
-   the facet's own normal a node at depth would find another spring in the next step. */
-INLINE vec3 stick_point_of(vec3 s, vec3 foot, vec3 n, vec3 facet_normal, triangle t) {
-  double slant = dot(n, facet_normal);
-  double shift = slant > 0.1 ? dot(s, facet_normal) / slant : 0.0;
-  return project(along(minus(foot, s), shift, n), t);
-}
-
 /* Whether a body can rest with its point p on a plane of the given normal, towards the body. The
    facet closest to a node just inside a sharp edge can be one that the body around the node cannot
    touch: pushed out there, the node would slip off the edge while its body stays inside. A body
@@ -229,19 +219,9 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   add_to(f, s->corner[1], times(weights.y, force));
   add_to(f, s->corner[2], times(weights.z, force));
 
-  /* Couple of the height and the part of the force in the facet, as normal forces on it,
-     h_i = height grad N_i . T, less what is across the facet, along the normal, where that is of
-     an edge or vertex. */
-  const vec3 e1 = minus(t.b, t.a), e2 = minus(t.c, t.a);
-  const vec3 in_plane = along(force, -dot(force, facet_normal) / dot(normal, facet_normal), normal);
-  const double scale = height / dot(facet_normal, cross(e1, e2));
-  /* grad N_b = (e2 x n)/2A and grad N_c = (n x e1)/2A */
-  const double hb = scale * dot(in_plane, cross(e2, facet_normal));
-  const double hc = scale * dot(in_plane, cross(facet_normal, e1));
-  const int32_t *v = s->vertices;
-  add_to(f, v[0], along(times(-hb - hc, normal), -w.x, force));
-  add_to(f, v[1], along(times(hb, normal), -w.y, force));
-  add_to(f, v[2], along(times(hc, normal), -w.z, force));
+  vec3 on[3];
+  forces_on_facet(on, force, w, height, normal, facet_normal, t);
+  for (int i = 0; i < 3; i++) add_to(f, s->vertices[i], on[i]);
 }
 
 #endif

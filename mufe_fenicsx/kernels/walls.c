@@ -1,13 +1,7 @@
 /* Contact of nodes, or of points in facets, with rigid planes, cylinders and spheres. The law and
    all arrays are described in kernels/walls.py. */
 
-#include "contact_law.h"
-
-#define RULE_BITS 4 /* of the rule of a point, above the number of its wall */
-#define TINY 1e-300 /* keeps what divides by a length from dividing by none */
-
-INLINE int wall_of(const wall_pair_row *s) { return s->wall >> RULE_BITS; }
-INLINE int rule_of(const wall_pair_row *s) { return s->wall & ((1 << RULE_BITS) - 1); }
+#include "walls.h"
 
 /* A wall where it stands now, then what acts on it: sums of each lane. ``axis``: normal of a plane,
    axis of a cylinder, zero for a sphere. ``radius``: 0 of a plane, negative where the sample is
@@ -59,21 +53,6 @@ INLINE void fetch_ahead(const walls_type *m, int64_t i, int64_t num_due) {
   }
 }
 
-/* Gap of a point r from ``point`` of a wall, and the normal there, which points into the sample. */
-INLINE double gap_to(const wall_type *wall, vec3 r, vec3 *normal) {
-  const double along_axis = dot(r, wall->axis), R = wall->radius;
-  *normal = wall->axis;
-  if (R == 0.0) return along_axis;
-  const vec3 away = along(r, -along_axis, wall->axis);
-  const double distance = sqrt(dot(away, away)), side = R > 0.0 ? 1.0 : -1.0;
-  *normal = times(-side / most(distance, TINY), away);
-  return R - side * distance;
-}
-
-INLINE spring_type spring_of(const wall_pair_row *s) {
-  return (spring_type){s->stiffness, s->softer, INFINITY, s->ratio};
-}
-
 /* One pair: all that can happen to it. */
 static void add_one(const walls_type *m, double *totals, int64_t p, int64_t accept) {
   wall_pair_row *s = m->row + p;
@@ -86,7 +65,7 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   const vec3 point = mean(weights, around.a, around.b, around.c);
   const vec3 r = minus(point, wall->point);
   vec3 normal;
-  double g = gap_to(wall, r, &normal) + s->recess;
+  double g = gap_to(wall->axis, wall->radius, r, &normal) + s->recess;
   if (dented && !s->closed && g < s->offset) {
     const double more = kept_dent(&m->strength, p) - dented->dent;
     if (more > 0.0) dented->dent += more, s->recess += more, g += more;
@@ -131,7 +110,7 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
     s->yield_depth = (float)((1.0 + ROUNDING) * limit);
     depth -= deeper, s->gap += deeper, s->recess += deeper;
   }
-  const contact_type contact = {spring_of(s), depth, 1.0, normal, minus(r, s->stick_point),
+  const contact_type contact = {spring_of_wall(s), depth, 1.0, normal, minus(r, s->stick_point),
                                 old_shear, s->sliding, wall->friction, wall->friction_kinetic};
   const carried_type now = carry(contact);
   if (deeper > 0.0)
@@ -311,7 +290,7 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
 double mufe_energy(const wall_pair_row *row, const uint8_t *closed, int64_t num_pairs) {
   double energy = 0.0;
   for (int64_t p = 0; p < num_pairs; p++)
-    if (closed[p]) energy += energy_of(spring_of(row + p), row[p].offset - row[p].gap, row[p].shear);
+    if (closed[p]) energy += energy_of(spring_of_wall(row + p), row[p].offset - row[p].gap, row[p].shear);
   return energy;
 }
 
@@ -319,7 +298,7 @@ double mufe_energy(const wall_pair_row *row, const uint8_t *closed, int64_t num_
 void mufe_normal_forces(double *out, const wall_pair_row *row, int64_t num_pairs) {
   for (int64_t p = 0; p < num_pairs; p++) {
     if (!row[p].closed) continue;
-    const spring_type s = spring_of(row + p);
+    const spring_type s = spring_of_wall(row + p);
     const double depth = row[p].offset - row[p].gap, kt = tangential_stiffness(s, depth);
     const double T2 = dot(row[p].shear, row[p].shear);
     out[p] = force_along_depth(s, depth, T2 > 0.0 ? T2 / (kt * kt) : 0.0);

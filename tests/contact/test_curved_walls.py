@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.contact.mark import ContactMark
+from mufe_fenicsx.contact.stiffness.tangent import ContactTangent
 from mufe_fenicsx.contact.walls import Wall, rotation_of
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.kernels.walls import gaps_to_walls
 from mufe_fenicsx.materials.elastic import Elastic
-from mufe_fenicsx.run.from_bodies import build, simulate
+from mufe_fenicsx.run.from_bodies import build, distribute, simulate
 from tests.bodies import RADIUS, cylinder, packed_spheres, sphere
 
 COMM = MPI.COMM_WORLD
@@ -139,6 +141,51 @@ def test_increments_are_steps_at_rest():
     assert forces[1].min() > 1.0
     # Damping leaves exp(-2π) of what swings.
     np.testing.assert_allclose(forces[0], forces[1], rtol=3e-3)
+
+
+@pytest.mark.parametrize("friction", [0.002, 0.9])
+@pytest.mark.parametrize(("axis", "side"), [(UP, 1.0), (np.zeros(3), 1.0), (UP, -1.0)])
+def test_tangent_of_a_curved_wall_is_the_derivative_of_its_forces(axis, side, friction):
+    """A ball that was pressed to a wall and turns, slipping and stuck: friction turns with it.
+
+    Tolerance: differences over 1e-7 of the radius, of depths 0.01 of it; by how much the depth
+    grew since, over the radius, where the spring of before is not known after a slip.
+    """
+    middle = np.array([1.0 - side, 0.0, 0.0]) * RADIUS
+    wall = Wall("wall", middle, axis, friction, radius=side * RADIUS)
+    mesh = distribute(MPI.COMM_SELF, [sphere(RADIUS, 0.45 * RADIUS)])
+    contact = simulate(mesh, [SOFT], [wall], friction=friction).contact
+    f, rng = np.zeros_like(mesh.x), np.random.default_rng(1)
+
+    def forces(x):
+        f[:] = 0.0
+        contact.begin_step(x)
+        contact.add_forces(f, x)
+        return f.copy()
+
+    x = mesh.x + 0.15 * RADIUS * np.array([1.0, 0.2, 0.1])
+    forces(x)
+    closed, mark = contact.walls.pairs.closed.copy(), ContactMark(contact)
+    x = x @ rotation_of(2e-3 * UP).T + 1e-6 * RADIUS * rng.normal(size=x.shape)
+
+    def after(x):
+        mark.restore()
+        return forces(x)
+
+    after(x)
+    pairs = contact.walls.pairs
+    assert closed.sum() > 1 and np.array_equal(pairs.closed, closed)
+    assert np.all(pairs.sliding[closed]) == (friction == 0.002)
+    rows, columns, blocks = ContactTangent(contact, mesh)(mark)
+    q, step = rng.standard_normal(x.shape), 1e-7 * RADIUS
+    nodes, product = contact.own.nodes, np.zeros_like(x)
+    np.add.at(product, nodes[rows], np.einsum("bij,bj->bi", blocks, q[nodes[columns]]))
+    slope = -(after(x + step * q) - after(x - step * q)) / (2 * step)
+    assert abs(product - slope).max() < (1e-5 if friction == 0.002 else 1e-6) * abs(slope).max()
+    # A tip that begins to flow has no depth.
+    tip = closed & (pairs.softer > 0.0)
+    pairs.gap[tip] = pairs.offset[tip]
+    assert tip.any() and np.isfinite(ContactTangent(contact, mesh)(mark)[2]).all()
 
 
 def cylinder_in_a_ring(growth_rate, **options):

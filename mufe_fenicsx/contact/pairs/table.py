@@ -34,10 +34,6 @@ class RowTable(Stateful):
         """Names of what a checkpoint keeps of each pair."""
         return ("next_check", *self.row.kept)
 
-    def of_mark(self, kept, name):
-        """An array of the pairs as it was, from what :meth:`state_dict` told then under "here"."""
-        return self.row.view(kept["state"], name)
-
 
 class PairTable(RowTable):
     """A row of each pair of a point, and another one where a body can yield. Local.
@@ -69,12 +65,6 @@ class PairTable(RowTable):
     def bounds(self):
         """Of relative motion, of each pair of bodies [m]."""
         return self.motion_bounds.bounds
-
-    def of_mark(self, kept, name):
-        """As of :class:`RowTable`; of dents too."""
-        if name in self.row.dtype.names:
-            return super().of_mark(kept, name)
-        return DENT.view(kept["dents"], name) if self.yields else getattr(self, name)
 
     def take_rows(self, new, old, source):
         """The pairs ``new`` go on as ``source`` of an ``old`` table; the ledger has their work."""

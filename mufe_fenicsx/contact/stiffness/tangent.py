@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...errors import InputError
-from ...kernels.contact_tangent import edge_tangent, pair_tangent, wall_tangent
+from ...kernels.tangents import edge_tangent, pair_tangent, wall_tangent
 
 
 class ContactTangent:
@@ -54,15 +54,13 @@ class ContactTangent:
         """Blocks of the last evaluation, from the state of ``mark`` on. Collective after a search.
 
         Args:
-            mark: :class:`~.rewind.ContactMark` at the start of the increment.
+            mark: :class:`~mufe_fenicsx.contact.mark.ContactMark` at the start of the increment.
 
         Returns:
             rows and columns, local surface nodes, int32, shape (num_blocks,), and blocks [N/m],
             (num_blocks, 3, 3): minus the derivative of the forces.
         """
-        c, p, w, e = (self.contact, self.contact.pairs, self.contact.walls, self.contact.edges)
-        slip, edge_slip, wall_slip = mark.before("slip")
-        closed, edge_closed, wall_closed = mark.before("closed")
+        c, p, w, e = self.contact, self.contact.pairs, self.contact.walls, self.contact.edges
         counts = [36 * np.count_nonzero(p.closed), 16 * np.count_nonzero(e.pairs.closed)]
         counts.append(9 * np.count_nonzero(w.pairs.closed))
         end = np.cumsum(counts)
@@ -71,30 +69,9 @@ class ContactTangent:
         parts = [
             (rows[a:b], columns[a:b], blocks[a:b]) for a, b in zip(end - counts, end, strict=True)
         ]
-        dent, wall_dent = mark.of_points("dent")
-        g, friction, ratio = c.ghosts, c.friction.coefficients, c.layers.ratio
+        g, friction, points = c.ghosts, c.friction.coefficients, c.points
         x, before = g.positions.array, g.num_before
-        pair_tangent(
-            *parts[0], x, before, *g.corners(), p.node, p.candidate, p.closest, p.closed, closed,
-            p.weights, p.normal, p.gap, p.offset, p.stiffness, p.stick_point, p.shear, p.slip, slip,
-            p.normal_force, p.sliding, g.facets, c.points.area, c.points.recess, ratio,
-            friction, p.friction_row, p.largest_depth, p.facing, p.height, p.bulge, p.softer,
-            p.dent, np.where(p.dent > dent, p.slope_left, 1.0),
-        )  # fmt: skip
-        q = e.pairs
-        edge_tangent(
-            *parts[1], x[before:], q.first, q.second, e.edges.ends, q.closed, edge_closed, q.place,
-            q.normal, q.gap, q.offset, q.recess, q.stiffness, q.stick_point, q.shear, q.slip,
-            edge_slip, e.edges.area, e.edges.layer, e.edges.share, e.edges.compliance,
-            e.edges.ratio, friction, q.friction_row, q.largest_depth,
-        )  # fmt: skip
-        v = w.pairs
-        wall_tangent(
-            *parts[2], before, *g.corners(), v.node, v.wall, v.closed, wall_closed,
-            *w.normals_and_curvature(c.points.places(x[before:], v.node), v.wall), w.normal,
-            v.shear, v.slip,
-            wall_slip, v.normal_force, v.sliding, c.points.layer, c.points.area, ratio,
-            w.friction_kinetic, v.offset - v.gap, v.softer,
-            np.where(v.dent > wall_dent, v.slope_left, 1.0),
-        )  # fmt: skip
+        pair_tangent(parts[0], x, before, p, mark.pairs, points, friction)
+        edge_tangent(parts[1], x[before:], e.pairs, mark.edges, e.edges, friction)
+        wall_tangent(parts[2], x, before, w.pairs, mark.walls, points, w)
         return rows, columns, blocks
