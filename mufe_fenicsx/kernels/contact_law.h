@@ -76,9 +76,15 @@ INLINE flowing_type flowing(const strength_type *of, int64_t pair, double m, tri
   const double area = 0.5 * length(cross(minus(around.b, around.a), minus(around.c, around.a)));
   /* A vertex carries no more once the facets around do. */
   const int is_tip = row->reference == 0.0, alike = row->own == row->other;
-  flowing_type q = {is_tip, alike, m, row->layers * (is_tip ? 1.0 : area / row->reference),
-                    row->bend, 0.25 * row->edge * row->edge * row->bend,
-                    of->strain[row->cell], no_line(), no_line()};
+  flowing_type q = {is_tip,
+                    alike,
+                    m,
+                    row->layers * (is_tip ? 1.0 : area / row->reference),
+                    row->bend,
+                    0.25 * row->edge * row->edge * row->bend,
+                    of->strain[row->cell],
+                    no_line(),
+                    no_line()};
   if (row->own >= 0) q.own.table[0] = of->tables + row->own;
   if (row->other >= 0 && !alike) q.other.table[0] = of->tables + row->other;
   return q;
@@ -92,8 +98,8 @@ static __attribute__((noinline)) void flow_lanes(flowed_type *out, const strengt
                                                  const int32_t *pair, unsigned lanes, vec depth,
                                                  vec m, vec yields, const vec3_each around[3]) {
   const vec none = all(0.0);
-  flowing_type_each q = {lanes_of(0), lanes_of(0), m, none, none, none, none, no_line_each(),
-                         no_line_each()};
+  flowing_type_each q = {lanes_of(0),    lanes_of(0),   m, none, none, none, none,
+                         no_line_each(), no_line_each()};
   const vec area = 0.5 * length_each(cross_each(minus_each(around[1], around[0]),
                                                 minus_each(around[2], around[0])));
   double number[5][LANES] __attribute__((aligned(64))) = {{0.0}};
@@ -113,8 +119,8 @@ static __attribute__((noinline)) void flow_lanes(flowed_type *out, const strengt
   q.layers = *(vec *)number[0] * where_each(reference == 0.0, all(1.0), area / reference);
   q.bend = *(vec *)number[1], q.largest = 0.25 * edge * edge * q.bend;
   out->limit = yields, out->left = out->own_part = all(1.0);
-  out->deeper = flow_each(&q, lanes_of(lanes), dent, depth, &out->limit, &out->left,
-                          &out->own_part);
+  out->deeper =
+      flow_each(&q, lanes_of(lanes), dent, depth, &out->limit, &out->left, &out->own_part);
 }
 
 #endif

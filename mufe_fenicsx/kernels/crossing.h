@@ -62,7 +62,7 @@ static crossing_type crossing(const double *x, const edges_type *e, int64_t i, i
                              outside_normals(x, c, v, other_beyond, normal));
   const double beside = most(most(-s, s - 1.0), most(-t, t - 1.0));
   return (crossing_type){most(beside - END, turned - ARC), {s, t}, normal, dot(w, normal),
-                         sqrt(det / most(uu, vv)), turned};
+                         sqrt(det / most(uu, vv)),         turned};
 }
 
 /* Six times the volume of a tetrahedron. */

@@ -70,8 +70,8 @@ INLINE series_type in_series(even_type even, place_type at, double compliance, d
   const double s = least(most(at.s, 0.0), 1.0), t = least(most(at.t, 0.0), 1.0), k = even.stiffness;
   const double soft = 1.0 + k * (s * (1.0 - s) * compliance + t * (1.0 - t) * other);
   const double softened = k / soft, slope = -even.fade * (softened * softened);
-  return (series_type){even.fade * k / soft, {slope * (1.0 - 2.0 * s) * compliance,
-                                              slope * (1.0 - 2.0 * t) * other}};
+  return (series_type){even.fade * k / soft,
+                       {slope * (1.0 - 2.0 * s) * compliance, slope * (1.0 - 2.0 * t) * other}};
 }
 INLINE series_type crossing_stiffness(const edges_type *e, int64_t i, int64_t j, place_type at) {
   return in_series(at_place(e, i, j, at), at, e->compliance[i], e->compliance[j]);
@@ -92,8 +92,8 @@ INLINE push_type push_along(two_edges e, place_type by) {
 
 /* Forces on the ends of both edges, of a crossing ``at`` a place and a gap that carries a normal force
    N and the friction ``shear`` of the spring ``by`` with the stiffness kt; ``push``: along the edges. */
-INLINE void forces_on_ends(vec3 on[4], double N, double kt, place_type at, place_type by, double gap,
-                           vec3 normal, vec3 shear, push_type push) {
+INLINE void forces_on_ends(vec3 on[4], double N, double kt, place_type at, place_type by,
+                           double gap, vec3 normal, vec3 shear, push_type push) {
   /* Couple: T = -kt (ds u - dt v), so h = -kt g ds on the first edge, kt g dt on the second. */
   const double h0 = -kt * gap * by.s + gap * push.q, h1 = kt * gap * by.t + gap * push.r;
   const place_type stick = {at.s + by.s, at.t + by.t};

@@ -6,7 +6,8 @@
 /* Crossings deeper than this part of the mean edge are none. The vertices of right-angled edges that
    cross at their middles are inside from a half on, and nodes and facets hold those. */
 #define DEEPEST 0.6
-#define APART 1e-3 /* angle by which an open crossing may seem outside its facets by rounding [rad] */
+#define APART \
+  1e-3 /* angle by which an open crossing may seem outside its facets by rounding [rad] */
 /* Part of its edge from the end on which a crossing may leave to the next one: more than fades out. */
 #define LEAVING (10.0 * END)
 /* How far ``outside`` a crossing is whose edges or facets end before they meet. */
@@ -61,7 +62,8 @@ static void look(const edge_pairs_type *m, found_type *found, int64_t p, double 
     /* What the stiffness changes by along even edges is a work of the forces. */
     if (s->closed)
       s->stiffness = in_series(at_place(e, i, j, two_of(s->place)), now.place, e->compliance[i],
-                               e->compliance[j]).stiffness;
+                               e->compliance[j])
+                         .stiffness;
     s->gap = now.gap, s->normal = now.normal;
     set_two(s->place, now.place);
   }
@@ -85,8 +87,7 @@ static void look(const edge_pairs_type *m, found_type *found, int64_t p, double 
   if (s->outside <= 0.0 && deep && !was_inside && !accept) s->offset = least(s->offset, begins);
   if (s->outside > 0.0) {
     /* An edge can come in from the side, below the other one, or begin to pierce a facet. */
-    const double way =
-        s->outside == UNPIERCED ? 0.0 : 0.25 * least(s->outside, 1.0) * now.across;
+    const double way = s->outside == UNPIERCED ? 0.0 : 0.25 * least(s->outside, 1.0) * now.across;
     *next_check = bound + most(distance_of(m->x, e, i, j) - DEEPEST * s->size, way);
   } else {
     *next_check = bound + most(g, 0.0);

@@ -19,7 +19,7 @@ typedef struct {
 
 #if LANES == 8
 /* A number of each node for each of its three in a row. */
-#define SPREAD(a)                                                            \
+#define SPREAD(a)                                                          \
   {PICK(a, a, 0, 0, 0, 1, 1, 1, 2, 2), PICK(a, a, 2, 3, 3, 3, 4, 4, 4, 5), \
    PICK(a, a, 5, 5, 6, 6, 6, 7, 7, 7)}
 /* Rows of three numbers -> a vector of each number. */
@@ -45,11 +45,11 @@ INLINE void split(vec out[3], const vec r[3]) {
 INLINE vec larger(vec a, vec b) { return where_each(a > b, a, b); }
 
 /* Squares of velocities, and of what they are beside the field; lanes and one node. */
-#define SQUARES(type)                                                                          \
-  const type square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];                                 \
-  const type a = w[0] - (F[0] + p[0] * F[3] + p[1] * F[6] + p[2] * F[9]);                      \
-  const type b = w[1] - (F[1] + p[0] * F[4] + p[1] * F[7] + p[2] * F[10]);                     \
-  const type c = w[2] - (F[2] + p[0] * F[5] + p[1] * F[8] + p[2] * F[11]);                     \
+#define SQUARES(type)                                                      \
+  const type square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];             \
+  const type a = w[0] - (F[0] + p[0] * F[3] + p[1] * F[6] + p[2] * F[9]);  \
+  const type b = w[1] - (F[1] + p[0] * F[4] + p[1] * F[7] + p[2] * F[10]); \
+  const type c = w[2] - (F[2] + p[0] * F[5] + p[1] * F[8] + p[2] * F[11]); \
   const type beside = a * a + b * b + c * c
 
 /* LANES nodes from the n-th on. */

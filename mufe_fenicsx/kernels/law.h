@@ -33,8 +33,8 @@ INLINE real OF(stored_energy)(real stiffness, real m, real depth, real largest_d
   const real u = OF(where)(m > 0.0, 1.0 + 0.5 * d / (m + NOTHING), OF(number)(1.0));
   real less = m * m;
   for (int i = 0; i < WIDTH; i++)
-    LANE(less, i) *= 8.0 * log(LANE(u, i)) + 16.0 / LANE(u, i) -
-                     4.0 / (LANE(u, i) * LANE(u, i)) - 12.0;
+    LANE(less, i) *=
+        8.0 * log(LANE(u, i)) + 16.0 / LANE(u, i) - 4.0 / (LANE(u, i) * LANE(u, i)) - 12.0;
   return stiffness * (0.5 * d * d - SOFTER * less) +
          OF(normal_force)(stiffness, m, d, largest_depth) * (depth - d);
 }
@@ -105,8 +105,7 @@ INLINE truth OF(coulomb_as)(real force, real held, real kinetic, truth slid, tru
   const truth exceeds = force > OF(where)(slid, kinetic, held);
   const truth slips = (is_known & slid) | (OF(no)(is_known) & exceeds);
   *left = whole;
-  if (OF(any)(slips))
-    *left = OF(where)(slips, kinetic / OF(where)(slips, force, whole), whole);
+  if (OF(any)(slips)) *left = OF(where)(slips, kinetic / OF(where)(slips, force, whole), whole);
   return slips;
 }
 INLINE truth OF(coulomb)(real force, real held, real kinetic, truth slid, real *left) {
@@ -162,7 +161,7 @@ INLINE OF(line_type) OF(no_line)(void) {
 }
 
 /* Yield stress at a plastic strain, constant beyond the table, and its slope. */
-INLINE real OF(yield_stress)(OF(line_type) *line, real strain, real *slope) {
+INLINE real OF(yield_stress)(OF(line_type) * line, real strain, real *slope) {
   if (OF(any)((strain < line->begin) | (strain >= line->end)))
     for (int i = 0; i < WIDTH; i++) {
       const double *table = line->table[i];
@@ -202,13 +201,14 @@ INLINE real OF(tip)(real b, real *slope) {
    the weaker body. The circle of the dent has the radius a = √(2 R b), R = 1/bend. Bodies that are
    alike have half of it each, and the strain of the cell beneath in common; of others' cells nothing
    is known. ``slope``: its derivative by b. ``own_part``: of a dent in the own body. */
-INLINE real OF(borne)(OF(flowing_type) *q, real b, real *slope, real *own_part) {
+INLINE real OF(borne)(OF(flowing_type) * q, real b, real *slope, real *own_part) {
   const real none = OF(number)(0.0), whole = OF(number)(1.0), half = OF(number)(0.5);
   const real strain = OF(where)(q->alike, half, whole) * (TABOR * OF(root)(2.0 * b * q->bend));
   real by_strain, by_strain_of_other;
   const real own = OF(yield_stress)(&q->own, q->beneath + strain, &by_strain);
   const real other = OF(yield_stress)(&q->other, strain, &by_strain_of_other);
-  const truth is_own = own <= other, flows = (q->largest > 0.0) & ((own < INFINITY) | (other < INFINITY));
+  const truth is_own = own <= other,
+              flows = (q->largest > 0.0) & ((own < INFINITY) | (other < INFINITY));
   const real Y = OF(where)(is_own, own, other);
   *own_part = OF(where)(q->alike, half, OF(where)(is_own, whole, none));
   const real scale = MEAN_PRESSURE * q->layers;
@@ -236,7 +236,7 @@ INLINE real OF(depth_of)(real force, real m) {
 }
 
 /* Depth at which a pair flows with the dent b; the largest one flows no more. */
-INLINE real OF(yield_depth)(OF(flowing_type) *q, real b) {
+INLINE real OF(yield_depth)(OF(flowing_type) * q, real b) {
   real slope, part;
   const real force = OF(borne)(q, b, &slope, &part);
   const truth flows = (force < INFINITY) & (q->is_tip | (b < q->largest));
@@ -249,7 +249,7 @@ INLINE real OF(yield_depth)(OF(flowing_type) *q, real b) {
    of before, within bounds. A tip that bears less with more of a dent keeps its force. ``limit``: the
    yield depth, set anew. ``left``: part of the law's slope that is left meanwhile. ``own_part``: of
    the dent. */
-INLINE real OF(flow)(OF(flowing_type) *q, truth flows, real b, real depth, real *limit, real *left,
+INLINE real OF(flow)(OF(flowing_type) * q, truth flows, real b, real depth, real *limit, real *left,
                      real *own_part) {
   const real none = OF(number)(0.0);
   real slope, part, low = (1.0 - 2.0 * ROUNDING) * *limit, high = depth, d = low;

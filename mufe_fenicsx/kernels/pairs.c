@@ -92,6 +92,7 @@ void mufe_add_pair_forces(const pairs_type *m, call_type *c, int64_t num) {
 double mufe_energy(const pair_row *row, const uint8_t *closed, int64_t num_pairs) {
   double energy = 0.0;
   for (int64_t p = 0; p < num_pairs; p++)
-    if (closed[p]) energy += energy_of(spring_of(row + p), row[p].offset - row[p].gap, row[p].shear);
+    if (closed[p])
+      energy += energy_of(spring_of(row + p), row[p].offset - row[p].gap, row[p].shear);
   return energy;
 }

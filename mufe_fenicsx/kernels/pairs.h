@@ -57,7 +57,9 @@ INLINE friction_type friction_of(const pairs_type *m, const call_type *c, const 
 }
 
 /* Weights of the corners of its point. */
-INLINE vec3 corner_weights(const pairs_type *m, const pair_row *s) { return at(m->weights, s->rule); }
+INLINE vec3 corner_weights(const pairs_type *m, const pair_row *s) {
+  return at(m->weights, s->rule);
+}
 INLINE vec3 point_of(const pairs_type *m, const pair_row *s) {
   const triangle t = corners_at(m->x, s->corner);
   return mean(corner_weights(m, s), t.a, t.b, t.c);
@@ -114,7 +116,7 @@ INLINE double bulge_at(const pair_row *s, vec3 w, triangle t, vec3 u, int featur
                   times(scale * (by_c - by_a), cross(u, e1)));
   } else if (feature >= EDGE) {
     const vec3 along_edge = feature == EDGE ? e1 : feature == EDGE + 1 ? minus(t.c, t.b) : e2;
-    const double rise = feature == EDGE     ? by_b - by_a
+    const double rise = feature == EDGE       ? by_b - by_a
                         : feature == EDGE + 1 ? by_c - by_b
                                               : by_c - by_a;
     *slope = times(rise / dot(along_edge, along_edge), along_edge);

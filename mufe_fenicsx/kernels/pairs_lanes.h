@@ -60,7 +60,8 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   const mask word = (mask)head[1];
   const vec offset = place[2], recess = place[3], area = spring_row[3], gap = sums[0];
   const vec yields = second_of(packed[3]);
-  const spring_type_each spring = {spring_row[0], first_of(packed[3]), spring_row[1], spring_row[2]};
+  const spring_type_each spring = {spring_row[0], first_of(packed[3]), spring_row[1],
+                                   spring_row[2]};
 
   /* The point, the facet and the foot of the point in its plane. */
   const vec3_each pa = rows_at(x, node[0]), pb = rows_at(x, node[1]), pc = rows_at(x, node[2]);
@@ -86,13 +87,13 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   /* Which of them are done here: for the others nothing has been changed yet. */
   const mask inside = (at.va > 0.0) & (at.vb > 0.0) & (at.vc > 0.0);
   const mask far = head[0] - bound >= size_each(height);
-  const mask corners = below_each(pa, point, n) | below_each(pb, point, n) |
-                       below_each(pc, point, n) | is_node;
+  const mask corners =
+      below_each(pa, point, n) | below_each(pb, point, n) | below_each(pc, point, n) | is_node;
   const mask turned_away =
       FLAG(word, pair_row, sharp) & (height < BESIDE * root_each(area)) & corners;
   const mask by_motion = ~is_node | (size_each(g - gap) <= bound - next_check);
-  const mask stays = FLAG(word, pair_row, closed) & by_motion & (depth > 0.0) &
-                     (depth <= spring.largest_depth);
+  const mask stays =
+      FLAG(word, pair_row, closed) & by_motion & (depth > 0.0) & (depth <= spring.largest_depth);
   unsigned can = wanted & ~changed & bits(inside & stays & ~turned_away);
   for (unsigned near = can & ~*looked & ~bits(far); near; near &= near - 1) {
     const int i = __builtin_ctz(near);
@@ -121,9 +122,9 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
       held[i] = mu.held, kinetic[i] = mu.kinetic;
     }
   const vec3_each stick_point = mean_each((vec3_each){stick[0], stick[1], stick[2]}, a, b, d);
-  const carried_type_each now = carry_each((contact_type_each){
-      spring, depth, steep, n, minus_each(point, stick_point), old_shear,
-      FLAG(word, pair_row, sliding), held, kinetic});
+  const carried_type_each now =
+      carry_each((contact_type_each){spring, depth, steep, n, minus_each(point, stick_point),
+                                     old_shear, FLAG(word, pair_row, sliding), held, kinetic});
   if (flows) {
     const vec work = work_of_dent_each(spring, was, old_shear, depth, now.spring, flowed.deeper);
     for (unsigned some = flows; some; some &= some - 1) {

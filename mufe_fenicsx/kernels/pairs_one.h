@@ -188,9 +188,15 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
 
   /* Normal force, on the smooth surface, and friction, along the facet. */
   const friction_type mu = friction_of(m, c, s);
-  const contact_type contact = {
-      spring_of(s), depth, steep, normal, minus(point, mean(s->stick_point, t.a, t.b, t.c)),
-      old.shear, s->sliding, mu.held, mu.kinetic};
+  const contact_type contact = {spring_of(s),
+                                depth,
+                                steep,
+                                normal,
+                                minus(point, mean(s->stick_point, t.a, t.b, t.c)),
+                                old.shear,
+                                s->sliding,
+                                mu.held,
+                                mu.kinetic};
   const carried_type now = carry(contact);
   double flowed = 0.0;
   if (deeper > 0.0) {

@@ -27,9 +27,7 @@ INLINE OF(vec3) OF(cross)(OF(vec3) a, OF(vec3) b) {
 }
 INLINE real OF(length)(OF(vec3) a) { return OF(root)(OF(dot)(a, a)); }
 /* a with its part along the unit vector n taken out. */
-INLINE OF(vec3) OF(across)(OF(vec3) a, OF(vec3) n) {
-  return OF(along)(a, -OF(dot)(a, n), n);
-}
+INLINE OF(vec3) OF(across)(OF(vec3) a, OF(vec3) n) { return OF(along)(a, -OF(dot)(a, n), n); }
 /* The mean of three vectors with the weights w. */
 INLINE OF(vec3) OF(mean)(OF(vec3) w, OF(vec3) a, OF(vec3) b, OF(vec3) c) {
   return OF(along)(OF(along)(OF(times)(w.x, a), w.y, b), w.z, c);

@@ -11,7 +11,7 @@ enum { INTERIOR = 0, VERTEX = 1, EDGE = 4 };
 
 typedef struct {
   const int32_t *facets;      /* vertices, three a facet, as rows of the positions */
-  const int32_t *neighbour;    /* facets across the edges 0-1, 1-2, 2-0; -1 for none */
+  const int32_t *neighbour;   /* facets across the edges 0-1, 1-2, 2-0; -1 for none */
   const int64_t *ring_offset; /* facets around each row of the positions, compressed rows */
   const int32_t *ring;
 } surface_type;

@@ -14,7 +14,8 @@
 #define NEAR 1e-4  /* the same over lengths by which the law bends and directions turn */
 #define LEAST 1e-9 /* least step over the size of a contact */
 #define SAME 1e-7  /* a foot found again is the same up to this part of a facet */
-#define ON_IT 1e-8 /* a point is on an edge or a vertex that is nearer, over the size of a contact */
+#define ON_IT \
+  1e-8 /* a point is on an edge or a vertex that is nearer, over the size of a contact */
 
 /* In the order of kernels/tangents.py. */
 typedef struct {
@@ -49,7 +50,9 @@ INLINE vec3 foot_on(int feature, vec3 point, triangle t) {
   if (feature == INTERIOR) return project(point, t);
   if (feature < EDGE)
     return (vec3){feature == VERTEX, feature == VERTEX + 1, feature == VERTEX + 2};
-  const vec3 from[3] = {t.a, t.b, t.c}, to = feature == EDGE ? t.b : feature == EDGE + 1 ? t.c : t.a;
+  const vec3 from[3] = {t.a, t.b, t.c}, to = feature == EDGE       ? t.b
+                                             : feature == EDGE + 1 ? t.c
+                                                                   : t.a;
   const vec3 edge = minus(to, from[feature - EDGE]);
   const double s = dot(edge, minus(point, from[feature - EDGE])) / dot(edge, edge);
   return feature == EDGE       ? (vec3){1.0 - s, s, 0.0}
@@ -74,10 +77,16 @@ static void forces_of_pair(const void *pair, const vec3 x[4], vec3 f[4]) {
   const double bulge = bulge_at(s, w, t, facet_normal, q->feature, &slope);
   const vec3 steepest = minus(normal, slope);
   const double steep = length(steepest), depth = s->offset - height - s->recess + bulge;
-  const carried_type now = carry_as((contact_type){
-      q->of, q->depth + q->left * (depth - q->depth), steep, normal,
-      minus(x[0], mean(q->stick_point, t.a, t.b, t.c)), {0.0, 0.0, 0.0}, q->slips, q->kinetic,
-      q->kinetic}, 1);
+  const carried_type now = carry_as((contact_type){q->of,
+                                                   q->depth + q->left * (depth - q->depth),
+                                                   steep,
+                                                   normal,
+                                                   minus(x[0], mean(q->stick_point, t.a, t.b, t.c)),
+                                                   {0.0, 0.0, 0.0},
+                                                   q->slips,
+                                                   q->kinetic,
+                                                   q->kinetic},
+                                    1);
   f[0] = along(now.shear, now.N / steep, steepest);
   forces_on_facet(f + 1, f[0], w, height, normal, facet_normal, t);
 }
@@ -122,8 +131,8 @@ void mufe_pair_tangent(const tangent_type *m, int64_t num_before, int64_t num_pa
     vec3 x[4] = {mean(weights, minus(c.a, from), minus(c.b, from), minus(c.c, from)),
                  minus(v.a, from), minus(v.b, from), minus(v.c, from)};
     const triangle t = {x[1], x[2], x[3]};
-    frozen_pair q = {s, spring_of(s), INTERIOR, 0, 0, 0.0, s->offset - s->gap, slope_left(m, p),
-                     s->stick_point};
+    frozen_pair q = {
+        s, spring_of(s), INTERIOR, 0, 0, 0.0, s->offset - s->gap, slope_left(m, p), s->stick_point};
     const vec3 off = minus(closest_point(x[0], t, &q.feature), s->weights);
     /* The plane of a facet that it came through beside a sharp edge. */
     if (fabs(off.x) + fabs(off.y) + fabs(off.z) > SAME) q.feature = INTERIOR;
@@ -138,8 +147,9 @@ void mufe_pair_tangent(const tangent_type *m, int64_t num_before, int64_t num_pa
       q.slips = 1, q.kinetic = mu;
       const double trial = limit / tangential_stiffness(q.of, q.depth) + s->slip - before[p].slip;
       near = least(near, trial);
-      q.stick_point = stick_point_of(times(-trial / limit, s->shear),
-                                     along(x[0], -s->height, s->facing), s->facing, normal_of(t), t);
+      q.stick_point =
+          stick_point_of(times(-trial / limit, s->shear), along(x[0], -s->height, s->facing),
+                         s->facing, normal_of(t), t);
     }
     const double step = most(least(STEP * size_of_it, NEAR * near), LEAST * size_of_it);
     vec3 d[4][4][3];
@@ -180,7 +190,8 @@ static void forces_of_edges(const void *pair, const vec3 x[4], vec3 f[4]) {
   by = (place_type){keep * by.s, keep * by.t};
   const vec3 spring = between(both, by);
   const double kt = q->ratio * k.stiffness;
-  const double stored = stored_energy(1.0, 0.0, depth, largest) + 0.5 * q->ratio * dot(spring, spring);
+  const double stored =
+      stored_energy(1.0, 0.0, depth, largest) + 0.5 * q->ratio * dot(spring, spring);
   const push_type push = push_along(both, (place_type){k.slope.s * stored, k.slope.t * stored});
   forces_on_ends(f, normal_force(k.stiffness, 0.0, depth, largest), kt, at, by, gap, normal,
                  times(-kt, spring), push);
@@ -201,13 +212,19 @@ void mufe_edge_tangent(const tangent_type *m, int64_t num_before, int64_t num_pa
     for (int k = 0; k < 4; k++) node[k] -= num_before;
     const vec3 u = minus(x[1], x[0]), v = minus(x[3], x[2]);
     const place_type place = {s->place[0], s->place[1]};
-    frozen_edges q = {s, at_place(e, i, j, place), 0, copysign(1.0, dot(s->normal, cross(u, v))),
-                      s->offset - s->recess, e->compliance[i], e->compliance[j], s->ratio, 0.0,
+    frozen_edges q = {s,
+                      at_place(e, i, j, place),
+                      0,
+                      copysign(1.0, dot(s->normal, cross(u, v))),
+                      s->offset - s->recess,
+                      e->compliance[i],
+                      e->compliance[j],
+                      s->ratio,
+                      0.0,
                       {s->stick_point[0], s->stick_point[1]}};
     const double kt = s->stiffness * s->ratio, slipped = s->slip - before[p].slip;
     const double mu = m->friction[2 * (int64_t)s->friction + 1];
-    const double limit =
-        mu * normal_force(s->stiffness, 0.0, q.begin - s->gap, s->largest_depth);
+    const double limit = mu * normal_force(s->stiffness, 0.0, q.begin - s->gap, s->largest_depth);
     double near = INFINITY;
     if (!before[p].closed || (slipped > 0.0 && !(limit > 0.0))) {
       q.ratio = 0.0;
@@ -241,8 +258,8 @@ void mufe_wall_tangent(const tangent_type *m, int64_t num_before, int64_t num_pa
     const double R = m->radius[wall_of(s)], gap = gap_to(axis, R, r, &normal);
     const double curvature = R == 0.0 ? 0.0 : 1.0 / (R - gap);
     const double depth = s->offset - s->gap, left = slope_left(m, p);
-    contact_type contact = {
-        spring_of_wall(s), depth, 1.0, normal, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, 0, 0.0, 0.0};
+    contact_type contact = {spring_of_wall(s), depth, 1.0, normal, {0.0, 0.0, 0.0},
+                            {0.0, 0.0, 0.0},   0,     0.0, 0.0};
     double near = s->softer > 0.0f ? s->softer : depth; /* a tip that begins to flow has no depth */
     if (depth > 0.0) near = least(near, depth);
     vec3 spring = {0.0, 0.0, 0.0};

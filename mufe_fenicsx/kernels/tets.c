@@ -217,9 +217,8 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element, int
       for (int i = 0; i < LANES; i++) alpha[i] = strain[i < count ? i : count - 1];
     if (g->law) {
       for (int i = 0; i < LANES; i++)
-        dp[i] = q[i] > first_yield
-                    ? g->law(q[i], mean[i], alpha[i], g->dt, g->shear, g->parameters)
-                    : 0.0;
+        dp[i] = q[i] > first_yield ? g->law(q[i], mean[i], alpha[i], g->dt, g->shear, g->parameters)
+                                   : 0.0;
     } else {
       dp = plastic_increment(q, alpha, g);
     }
@@ -228,8 +227,8 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element, int
     mask flows = dp > 0.0;
     dp = where_each(flows, dp, all(0.0));
     q = where_each(flows, q, all(1.0));
-    vec before = 1.5 * (oxx * sxx + oyy * syy + ozz * szz) +
-                3.0 * (oxy * sxy + oyz * syz + oxz * sxz);
+    vec before =
+        1.5 * (oxx * sxx + oyy * syy + ozz * szz) + 3.0 * (oxy * sxy + oyz * syz + oxz * sxz);
     vec scale = 1.0 - 3.0 * g->shear * dp / q;
     vec done = 0.5 * (q * scale + before / q) * dp * volume0;
     sxx *= scale, syy *= scale, szz *= scale, sxy *= scale, syz *= scale, sxz *= scale;
@@ -338,8 +337,8 @@ INLINE void pack(node_type *node, const double *x, int64_t num_nodes) {
 }
 
 /* Volumes around the nodes of a grain, the first of which is ``first``. */
-INLINE void nodal_volumes(const grain_type *g, int64_t num_cells, double *volume,
-                          int64_t num_nodes, int64_t first) {
+INLINE void nodal_volumes(const grain_type *g, int64_t num_cells, double *volume, int64_t num_nodes,
+                          int64_t first) {
   memset(volume, 0, num_nodes * sizeof(double));
   double *of_node = volume - first;
   for (int64_t e = 0; e < num_cells; e += LANES) {

@@ -14,17 +14,19 @@ typedef double (*law_type)(double q, double mean, double alpha, double dt, doubl
 /* One node: x y z and pressure; half the displacement of this step and nothing. The positions are
    those of the end of the step in sums of volumes, of its middle in the batches. Where the deviator
    follows from the stretch: the displacement since the first places, and these in the batches. */
-typedef struct { v4 x, d; } node_type;
+typedef struct {
+  v4 x, d;
+} node_type;
 
 typedef struct {
-  const node_type *node; /* of node 0 of the rank, were it in this grain */
-  v4 *force;             /* likewise */
-  const int32_t *cells;  /* of the first element */
+  const node_type *node;                       /* of node 0 of the rank, were it in this grain */
+  v4 *force;                                   /* likewise */
+  const int32_t *cells;                        /* of the first element */
   double *deviator, *strain, *work, *pressure; /* of the first element */
   const double *volume0;
   double dt, bulk, shear, own; /* own: resists the element's own volume */
-  const double *parameters; /* of the law */
-  const double *segments;   /* slope of each segment of the table, then 1/(3 G + slope) */
+  const double *parameters;    /* of the law */
+  const double *segments;      /* slope of each segment of the table, then 1/(3 G + slope) */
   law_type law;
 } grain_type;
 

@@ -63,8 +63,7 @@ INLINE void resist(const grain_type *g, int64_t e, int count, int element) {
 #pragma GCC unroll 3
   for (int i = 0; i < 3; i++)
 #pragma GCC unroll 3
-    for (int k = 0; k < 3; k++)
-      l[i][k] = d[0][i] * h[0][k] + d[1][i] * h[1][k] + d[2][i] * h[2][k];
+    for (int k = 0; k < 3; k++) l[i][k] = d[0][i] * h[0][k] + d[1][i] * h[1][k] + d[2][i] * h[2][k];
   vec trace = l[0][0] + l[1][1] + l[2][2], volume0 = all(0.0), p;
   for (int i = 0; i < LANES; i++) volume0[i] = g->volume0[e + (i < count ? i : count - 1)];
   if (element == AVERAGED) {

@@ -42,7 +42,7 @@ INLINE void add_to(double *rows, int64_t n, vec3 a) {
 /* Where a member of a ``row`` stands in its row of numbers; and whether flags of it are set, in the
    number that holds their bytes. */
 #define IN_ROW(row, name) ((int)(offsetof(row, name) / sizeof(double)))
-#define FLAG(word, row, name) ((mask)-((word) >> (8 * (int)(offsetof(row, name) % 8)) & 1))
+#define FLAG(word, row, name) ((mask) - ((word) >> (8 * (int)(offsetof(row, name) % 8)) & 1))
 /* Whether pairs are worked on together; the results are the same to rounding. */
 #ifndef TOGETHER
 #define TOGETHER 1
@@ -60,10 +60,11 @@ INLINE v4 row_of(const double *rows, int64_t n) {
 typedef float half_vec __attribute__((vector_size(4 * LANES)));
 typedef int32_t half_mask __attribute__((vector_size(4 * LANES)));
 INLINE vec first_of(vec two) {
-  return __builtin_convertvector((half_vec)__builtin_convertvector((mask)two, half_mask), vec);
+  return __builtin_convertvector((half_vec) __builtin_convertvector((mask)two, half_mask), vec);
 }
 INLINE vec second_of(vec two) {
-  return __builtin_convertvector((half_vec)__builtin_convertvector((mask)two >> 32, half_mask), vec);
+  return __builtin_convertvector((half_vec) __builtin_convertvector((mask)two >> 32, half_mask),
+                                 vec);
 }
 
 INLINE void load_four(vec r[4], double *const *address, int offset) {

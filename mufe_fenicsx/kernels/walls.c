@@ -110,8 +110,9 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
     s->yield_depth = (float)((1.0 + ROUNDING) * limit);
     depth -= deeper, s->gap += deeper, s->recess += deeper;
   }
-  const contact_type contact = {spring_of_wall(s), depth, 1.0, normal, minus(r, s->stick_point),
-                                old_shear, s->sliding, wall->friction, wall->friction_kinetic};
+  const contact_type contact = {spring_of_wall(s),        depth,     1.0,        normal,
+                                minus(r, s->stick_point), old_shear, s->sliding, wall->friction,
+                                wall->friction_kinetic};
   const carried_type now = carry(contact);
   if (deeper > 0.0)
     deepen(&m->strength, p, deeper, own_part, left,
@@ -139,8 +140,8 @@ INLINE void add_where(mask lanes, double sums[3][8], vec sign, vec3_each a) {
 
 /* The same of pairs ``pair[0]`` to ``pair[LANES - 1]`` so far as they stay closed, or in front of
    the wall. The pairs that were not done, as bits. */
-INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wanted,
-                          int any_curved, vec *dissipated) {
+INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wanted, int any_curved,
+                          vec *dissipated) {
   double *rows[LANES], *wall_rows[LANES];
   int32_t node[3][LANES], rule[LANES];
   vec bound;
@@ -168,7 +169,8 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
   const spring_type_each spring = {spring_row[1], first_of(spring_row[3]), all(INFINITY), head[3]};
 
   const vec3_each axis = {wall[0], wall[1], wall[2]};
-  const vec3_each a = rows_at(m->x, node[0]), b = rows_at(m->x, node[1]), d = rows_at(m->x, node[2]);
+  const vec3_each a = rows_at(m->x, node[0]), b = rows_at(m->x, node[1]),
+                  d = rows_at(m->x, node[2]);
   const vec3_each weights = rows_at(m->weights, rule), point = mean_each(weights, a, b, d);
   const vec3_each r = minus_each(point, (vec3_each){place[0], place[1], place[2]});
   vec3_each n = axis;
@@ -196,9 +198,9 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
     depth -= flowed.deeper, g += flowed.deeper;
   }
   const vec3_each stick_point = {stick[0], stick[1], stick[2]};
-  const carried_type_each now = carry_each((contact_type_each){
-      spring, depth, all(1.0), n, minus_each(r, stick_point), old_shear,
-      FLAG(flags, wall_pair_row, sliding), wall[3], place[3]});
+  const carried_type_each now = carry_each(
+      (contact_type_each){spring, depth, all(1.0), n, minus_each(r, stick_point), old_shear,
+                          FLAG(flags, wall_pair_row, sliding), wall[3], place[3]});
   if (flows) {
     const vec work = work_of_dent_each(spring, was, old_shear, depth, now.spring, flowed.deeper);
     for (unsigned some = flows; some; some &= some - 1) {
@@ -259,8 +261,9 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
   for (int64_t w = 0; w < num_walls; w++) {
     any_curved |= m->radius[w] != 0.0;
     const vec3 point = along(at(m->point, w), ahead, at(m->velocity, w));
-    m->walls[w] = (wall_type){at(m->axis, w), m->friction[w], point, m->friction_kinetic[w],
-                              m->radius[w], {0.0}, {{0.0}}, {{0.0}}, {0.0}};
+    m->walls[w] = (wall_type){at(m->axis, w), m->friction[w], point,   m->friction_kinetic[w],
+                              m->radius[w],   {0.0},          {{0.0}}, {{0.0}},
+                              {0.0}};
   }
   totals[0] = totals[1] = 0.0;
   vec dissipated = all(0.0);
@@ -290,7 +293,8 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
 double mufe_energy(const wall_pair_row *row, const uint8_t *closed, int64_t num_pairs) {
   double energy = 0.0;
   for (int64_t p = 0; p < num_pairs; p++)
-    if (closed[p]) energy += energy_of(spring_of_wall(row + p), row[p].offset - row[p].gap, row[p].shear);
+    if (closed[p])
+      energy += energy_of(spring_of_wall(row + p), row[p].offset - row[p].gap, row[p].shear);
   return energy;
 }
 
