@@ -138,9 +138,7 @@ def _height(s):
 def _off_platens(s):
     """How far points are off each platen, a mean by their forces [m], shape (2,)."""
     p = s.walls.pairs
-    distance = np.bincount(
-        p.wall, p.normal_force * np.where(p.closed, p.gap - p.recess, 0.0), 2
-    )
+    distance = np.bincount(p.wall, p.normal_force * np.where(p.closed, p.gap - p.recess, 0.0), 2)
     return distance / np.bincount(p.wall, p.normal_force, 2)
 
 
