@@ -158,10 +158,9 @@ class EdgePairs(RowTable):
         super().__init__(EDGE_PAIR, first.size, bound)
         self.first[:], self.second[:] = first, second
         self.grain, self.partner = edges.grain[first], edges.grain[second]
-        #: Rows of their coefficients; of size 0 where all have the first ones.
-        self.friction_row = friction.rows(self.grain, self.partner)
-        if self.friction_row.size:
-            self.friction[:] = self.friction_row
+        rows = friction.rows(self.grain, self.partner)
+        if rows.size:  # else all have the first ones
+            self.friction[:] = rows
         self.size[:] = 0.5 * (edges.length[first] + edges.length[second])
         self.largest_depth[:] = edges.depth[first] + edges.depth[second]
         self.recess[:] = recess * self.size
