@@ -46,7 +46,7 @@ from mufe_fenicsx.units import REQUIRED, setting
 
 @numba.njit
 def increment(q, mean, alpha, dt, shear, parameters):
-    """Plastic strain increment; arguments as of kernels.hardening.plastic_increment."""
+    """Plastic strain increment; arguments as of kernels.bulk.hardening.plastic_increment."""
     _, cohesion, friction, hardening = parameters[0], parameters[1], parameters[2], parameters[3]
     # Under tension the strength vanishes at the apex.
     base = cohesion - friction * mean

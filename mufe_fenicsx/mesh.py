@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc  # noqa: F401  starts it, and with it its handlers of signals
 
 from .errors import raise_on_broken_pipes, raise_together
-from .kernels.topology import FACETS, body_defect
+from .kernels.geometry.topology import FACETS, body_defect
 from .machine.notebook import html_table
 from .units import with_unit
 

@@ -193,7 +193,7 @@ def _shared_forms(scratch):
 
     By itself it waits 10 s for a form that another process compiles, or was killed at, and fails.
     """
-    from mufe_fenicsx.kernels.native import cache_folder
+    from mufe_fenicsx.kernels.build.native import cache_folder
 
     forms = cache_folder() / "forms_of_tests"
     forms.mkdir(exist_ok=True)
@@ -211,7 +211,7 @@ def _shared_forms(scratch):
 
 def _compile_once(scratch, environment):
     """Fill empty caches by a short run: processes that start together find them filled."""
-    from mufe_fenicsx.kernels.ahead import is_kept
+    from mufe_fenicsx.kernels.build.ahead import is_kept
 
     if is_kept():
         return

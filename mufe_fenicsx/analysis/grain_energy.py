@@ -30,7 +30,7 @@ class GrainMaterial:
     E: float  #: Young's modulus [Pa]
     nu: float  #: Poisson's ratio [-]
     rho: float  #: density [kg/m³]
-    flows: bool  #: it yields, so that elements keep a volume of their own (kernels.solid)
+    flows: bool  #: it yields, so that elements keep a volume of their own (kernels.bulk.solid)
 
 
 def grain_energy(

@@ -4,7 +4,7 @@ import numpy as np
 
 from mufe_fenicsx.analysis.grain_means import void_ratio
 from mufe_fenicsx.container import BOX
-from mufe_fenicsx.kernels.voids import box_of_centres, solid_of_octants
+from mufe_fenicsx.kernels.geometry.voids import box_of_centres, solid_of_octants
 from mufe_fenicsx.output.history import VOIDS
 
 #: Median diameters that the inner part keeps away from all walls, and that it is wide at least.

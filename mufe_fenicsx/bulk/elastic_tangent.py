@@ -7,8 +7,8 @@ five times as many entries; plain tetrahedra have those of their edges.
 
 import numpy as np
 
-from ..kernels.blocks import find_slots, joined_pattern
-from ..kernels.stiffness import add_tetrahedra
+from ..kernels.build.blocks import find_slots, joined_pattern
+from ..kernels.bulk.stiffness import add_tetrahedra
 
 
 class NearTangent:

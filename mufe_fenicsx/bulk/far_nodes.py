@@ -7,7 +7,7 @@ import numpy as np
 from ..contact.stiffness.springs import SpringList, Springs
 from ..contact.surface.exchange import SurfaceVector
 from ..errors import raise_together
-from ..kernels.rows import add_rows, gather_rows
+from ..kernels.build.rows import add_rows, gather_rows
 
 
 class FarNodes:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..kernels.neo_hooke import add_neo_hookean_energy
+from ..kernels.bulk.neo_hooke import add_neo_hookean_energy
 
 
 class NeoHookeanGrains:

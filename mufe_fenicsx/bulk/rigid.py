@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError
-from ..kernels import rigid as kernels
+from ..kernels.bulk import rigid as kernels
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid, ToolSolid
 from ..state import ForceTerm

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..kernels import rigid as kernels
+from ..kernels.bulk import rigid as kernels
 
 
 class FreeRows:

@@ -5,13 +5,13 @@ import ufl
 from dolfinx import fem
 
 from ..errors import InputError, shown
-from ..kernels.compiled_forms import compiled_form
-from ..kernels.edge_compliance import add_edge_compliance, cells_around, largest_patch
-from ..kernels.element_step import add_nodal_stiffness, element_time_step
-from ..kernels.energy import add_normal_stresses, elastic_energy
-from ..kernels.hardening import plastic_increment
-from ..kernels.native import SOURCES, load
-from ..kernels.solid import AVERAGED, PLAIN, InternalForces
+from ..kernels.build.compiled_forms import compiled_form
+from ..kernels.build.native import SOURCES, load
+from ..kernels.bulk.element_step import add_nodal_stiffness, element_time_step
+from ..kernels.bulk.energy import add_normal_stresses, elastic_energy
+from ..kernels.bulk.hardening import plastic_increment
+from ..kernels.bulk.solid import AVERAGED, PLAIN, InternalForces
+from ..kernels.contact.edge_compliance import add_edge_compliance, cells_around, largest_patch
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid
 from ..output.run_folder import on_first_rank
@@ -169,8 +169,8 @@ class Solid(ForceTerm):
 
         Returns:
             By how much the ends part along these under opposite unit forces [m/N], shape
-            (num_edges,), as of :func:`~.kernels.edge_compliance.add_edge_compliance`; zero for
-            rigid grains.
+            (num_edges,), as of kernels.contact.edge_compliance.add_edge_compliance; zero for rigid
+            grains.
         """
         m = self.mesh
         compliance, averaged = np.zeros(len(ends)), self.element == "averaged"

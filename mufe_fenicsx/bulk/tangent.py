@@ -1,6 +1,6 @@
 """Tangent of the grains' internal forces, from DOLFINx forms.
 
-The forces are those of the time steps, kernels.solid: deviator t of the Kirchhoff stress by a
+The forces are those of the time steps, kernels.bulk.solid: deviator t of the Kirchhoff stress by a
 midpoint increment with rotation and radial return, mean stress p = K ln J of nodes or elements.
 Written in the reference configuration, for one increment from u0 to u,
 
@@ -14,7 +14,7 @@ differentiates this, which gives the consistent tangent (J. C. Simo, R. L. Taylo
 Appl. Mech. Eng. 48, 1985, 101-118) with all derivatives of the rotation. dp is a line in m and p
 through the increment that the law gave, with the law's slopes.
 
-A neo-Hookean grain has t = G J^(-2/3) dev F Fᵀ instead (kernels.neo_hooke).
+A neo-Hookean grain has t = G J^(-2/3) dev F Fᵀ instead (kernels.bulk.neo_hooke).
 
 The mean stress adds G D Bᵀ: Bᵀ, a form too, is the derivative of the volumes that J belongs to, D
 that of p by them, and G that of the forces by p (equal to B where flow does not depend on p).
@@ -30,10 +30,10 @@ from dolfinx import fem
 from dolfinx.fem.petsc import assemble_matrix, create_matrix
 from dolfinx.la import BlockMode
 
-from ..kernels.blocks import add_products, find_slots, joined_pattern
-from ..kernels.compiled_forms import compiled_form
-from ..kernels.hardening import plastic_increment
-from ..kernels.law_slopes import law_slopes, law_slopes_of
+from ..kernels.build.blocks import add_products, find_slots, joined_pattern
+from ..kernels.build.compiled_forms import compiled_form
+from ..kernels.bulk.hardening import plastic_increment
+from ..kernels.bulk.law_slopes import law_slopes, law_slopes_of
 from .solid import von_mises
 
 #: Keeps the derivative of the von Mises stress finite where there is no stress, over shear modulus.

@@ -23,8 +23,8 @@ from ..arguments import body_of, check_fields, finite_number
 from ..contact.laws import kinetic_of
 from ..contact.walls import rotation_of
 from ..errors import InputError, finite_array, raise_together, shortened, shown
-from ..kernels import tools as kernels
-from ..kernels.topology import body_defect
+from ..kernels.bulk import tools as kernels
+from ..kernels.geometry.topology import body_defect
 from ..materials.rigid import ToolSolid
 from ..state import ForceTerm
 from .rigid import RigidGrains

@@ -139,7 +139,7 @@ def _run_told(scene, grains, output, comm, options):
         print(f"mufe: {title}; grains {grains}, results in {output}", file=sys.stderr, flush=True)
     after = None
     with Doing("loading libraries", wanted) as doing:
-        from ..kernels.ahead import compile_ahead
+        from ..kernels.build.ahead import compile_ahead
         from ..machine.memory import is_first_on_machine
 
         if is_first_on_machine(comm):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..errors import InputError
-from ..kernels.bonded import (
+from ..kernels.bulk.bonded import (
     give_rows,
     largest_of_bonded,
     place_bonded,
@@ -161,7 +161,7 @@ class Bonded(ForceTerm):
     def largest_motion(self, moves, x, grain_of_node, field, dt):
         """Largest motion of a glued node in the step to ``x`` [m]. Local.
 
-        That of each grain beside a field goes into ``moves``; arguments as of kernels.motion.
+        That of each grain beside a field goes into ``moves``; arguments as of kernels.bulk.motion.
         """
         if not self.nodes.size:
             return 0.0

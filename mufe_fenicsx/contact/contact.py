@@ -5,9 +5,9 @@ import math
 import numpy as np
 from mpi4py import MPI
 
-from ..kernels.pairs import PairForces, pair_energy
-from ..kernels.rows import gather_rows
-from ..kernels.walls import wall_energy
+from ..kernels.build.rows import gather_rows
+from ..kernels.contact.pairs import PairForces, pair_energy
+from ..kernels.contact.walls import wall_energy
 from ..state import Stateful
 from .laws import LARGEST_DEPTH, edge_of_area
 from .mirrors import nodes_on_mirrors
@@ -250,8 +250,8 @@ class Contact(Stateful):
             x: Positions [m], shape (num_nodes, 3).
             moved: Largest distance that a wall moved since the last call [m].
             known: Motion of nodes, which need not be measured then and is part of ``moved``: how
-                far each grain moved beside a field [m], that field as in kernels.motion, its slope
-                in any direction at most [1/s] and the length of the step [s].
+                far each grain moved beside a field [m], that field as in kernels.bulk.motion, its
+                slope in any direction at most [1/s] and the length of the step [s].
         """
         self.ghosts.place(x)
         if known:

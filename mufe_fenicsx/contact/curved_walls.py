@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..errors import SolverError
-from ..kernels.walls import grow, work_of_growth
+from ..kernels.contact.walls import grow, work_of_growth
 from ..state import Stateful
 
 #: Facets whose corners are so near to a curved wall at the start, over their edge, are part of it.

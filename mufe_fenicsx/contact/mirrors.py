@@ -14,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError
-from ..kernels.bonded import take_normal
+from ..kernels.bulk.bonded import take_normal
 from ..state import ForceTerm
 from .bonded import on_wall
 

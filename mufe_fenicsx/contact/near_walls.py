@@ -3,8 +3,8 @@
 import numpy as np
 from mpi4py import MPI
 
-from ..kernels.boxes import boxes_of_groups
-from ..kernels.walls import farthest, motion_to_walls
+from ..kernels.contact.walls import farthest, motion_to_walls
+from ..kernels.geometry.boxes import boxes_of_groups
 from ..state import Stateful
 
 
@@ -45,7 +45,7 @@ class NearWalls(Stateful):
 
         Args:
             walls: :class:`~.walls.Walls`.
-            field: Velocity linear in the place, as in kernels.motion.
+            field: Velocity linear in the place, as in kernels.bulk.motion.
             dt: Length of that step [s].
 
         Returns:

@@ -9,10 +9,15 @@ from mpi4py import MPI
 
 from ..arguments import check_fields, finite_number
 from ..errors import InputError, finite_array, nearest_name, shortened, shown
-from ..kernels.bonded import turn_rows
-from ..kernels.motion import advance, work_of
-from ..kernels.transfer import transfer_pairs
-from ..kernels.walls import WallForces, closed_stiffness, find_wall_candidates, gaps_to_walls
+from ..kernels.bulk.bonded import turn_rows
+from ..kernels.bulk.motion import advance, work_of
+from ..kernels.contact.transfer import transfer_pairs
+from ..kernels.contact.walls import (
+    WallForces,
+    closed_stiffness,
+    find_wall_candidates,
+    gaps_to_walls,
+)
 from ..state import Stateful
 from .bonded import find_bonded
 from .curved_walls import CurvedWalls
@@ -318,7 +323,7 @@ class Walls(Stateful):
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
 
         Args:
-            points, ghosts, layers, work: As of :class:`~mufe_fenicsx.kernels.pairs.PairForces`.
+            points, ghosts, layers, work: As of kernels.contact.pairs.PairForces.
         """
         p = self.pairs
         curvature, bend = points.curvature[p.node], self.curved.bend[p.wall]

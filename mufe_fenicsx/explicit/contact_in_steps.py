@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..contact.surface.active_nodes import near_nodes
-from ..kernels.motion import predict
+from ..kernels.bulk.motion import predict
 from ..state import ForceTerm
 
 

@@ -34,7 +34,7 @@ import math
 import numpy as np
 from mpi4py import MPI
 
-from ..kernels.element_step import element_steps
+from ..kernels.bulk.element_step import element_steps
 from ..state import Stateful
 
 #: Stable step of the assembled tetrahedra over that of the worst one where some were given mass:

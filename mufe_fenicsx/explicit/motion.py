@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ..kernels.energy import kinetic_energy
-from ..kernels.kick_drift import KickAndDrift
-from ..kernels.motion import accelerate_and_half_kick, half_kick_and_drift
+from ..kernels.bulk.energy import kinetic_energy
+from ..kernels.bulk.kick_drift import KickAndDrift
+from ..kernels.bulk.motion import accelerate_and_half_kick, half_kick_and_drift
 from ..state import Stateful
 
 
@@ -38,7 +38,7 @@ class Motion(Stateful):
         self.set_field(np.zeros((4, 3)))
 
     def set_field(self, field):
-        """Measure the motion of grains beside another velocity field, as in kernels.motion."""
+        """Measure the motion of grains beside another velocity field, as in kernels.bulk.motion."""
         self.field = field
         self._slope = float(np.linalg.norm(field[1:]))
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..kernels.topology import surface_pinch
+from ..kernels.geometry.topology import surface_pinch
 from ..units import with_unit
 
 #: The four faces of a tetrahedron, each seen from outside counter-clockwise.

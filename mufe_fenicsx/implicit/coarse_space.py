@@ -10,7 +10,7 @@ whole grains are contained.
 import numpy as np
 from petsc4py import PETSc
 
-from ..kernels.coarse import galerkin
+from ..kernels.bulk.coarse import galerkin
 
 #: Nodes of a piece: a Hertz contact of 24 000 nodes took 15 or 16 iterations with 128, 512 and 1024
 #: of them, 18 with 2048, and 27 without pieces (a record).

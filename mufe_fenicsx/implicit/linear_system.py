@@ -7,7 +7,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..errors import SolverError
-from ..kernels.blocks import add_blocks
+from ..kernels.build.blocks import add_blocks
 from ..solvers.petsc_options import check_command_line
 
 #: Unknowns of the largest grain up to which the direct solver is the default: grains hang together

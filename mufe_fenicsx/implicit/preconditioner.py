@@ -8,7 +8,7 @@ rank and its coarse space (:mod:`.coarse_space`), as a multigrid of PETSc with t
 import numpy as np
 from petsc4py import PETSc
 
-from ..kernels.blocks import add_blocks
+from ..kernels.build.blocks import add_blocks
 from .coarse_space import CoarseSpace
 from .linear_system import LinearSystem
 

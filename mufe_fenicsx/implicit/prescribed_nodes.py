@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..kernels.blocks import project_blocks, project_pairs
+from ..kernels.build.blocks import project_blocks, project_pairs
 
 
 class HeldNodes:

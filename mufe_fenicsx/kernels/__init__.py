@@ -1,5 +1,5 @@
 """Compiled loops: arrays in, arrays changed. Nothing here imports the package."""
 
-from .cache_files import seal_numba
+from .build.cache_files import seal_numba
 
 seal_numba()

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..errors import finite_array
-from ..kernels.motion import add_weights
+from ..kernels.bulk.motion import add_weights
 from ..state import ForceTerm
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError, finite_array, shown
-from ..kernels.pressure import subtract_drag, volume_beside
+from ..kernels.bulk.pressure import subtract_drag, volume_beside
 from ..mesh import GrainMesh
 from ..state import ForceTerm
 from .pressure import Pressure

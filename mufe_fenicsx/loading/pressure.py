@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from ..arguments import checked
 from ..errors import InputError, finite_array, raise_together
-from ..kernels.pressure import add_pressure, enclosed_volume, swept_rate
+from ..kernels.bulk.pressure import add_pressure, enclosed_volume, swept_rate
 from ..mesh import GrainMesh
 from ..state import ForceTerm
 

@@ -15,7 +15,7 @@ SECONDS_BETWEEN_LINES = 10.0
 COMPILERS = {
     ("numba.core.compiler", "compile_extra"),
     ("dolfinx.jit", "ffcx_jit"),
-    ("mufe_fenicsx.kernels.native", "_compiled"),
+    ("mufe_fenicsx.kernels.build.native", "_compiled"),
 }
 
 

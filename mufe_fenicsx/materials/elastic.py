@@ -3,7 +3,7 @@
 A material of one's own is a frozen dataclass derived from :class:`IsotropicSolid` with
 
 - ``plastic_increment``: a law compiled by numba, with the arguments and the answer of
-  :func:`~mufe_fenicsx.kernels.hardening.plastic_increment`, and
+  :func:`~mufe_fenicsx.kernels.bulk.hardening.plastic_increment`, and
 - ``parameters()``: the row of numbers that it receives, the first of which is the least
   von Mises stress at which the material can yield [Pa].
 
@@ -31,9 +31,9 @@ class IsotropicSolid:
         InputError: E or rho is not a finite number > 0, or nu outside ]-1, 0.5[.
     """
 
-    #: Compiled law of plastic flow; None: that of kernels.hardening. A scene is read without it.
+    #: Compiled law of plastic flow; None: kernels.bulk.hardening. A scene is read without it.
     plastic_increment: ClassVar = None
-    #: Whether the deviator follows from the deformation, not from its rate: kernels.neo_hooke.
+    #: Whether the deviator follows from the deformation, not from its rate: kernels.bulk.neo_hooke.
     hyperelastic: ClassVar[bool] = False
 
     E: float = setting(
@@ -90,5 +90,5 @@ class Elastic(IsotropicSolid):
     """Linear elasticity without a yield stress."""
 
     def parameters(self) -> np.ndarray:
-        """Those of kernels.hardening: one point, the yield stress is infinite."""
+        """Those of kernels.bulk.hardening: one point, the yield stress is infinite."""
         return np.array([np.inf, 1.0, 0.0, np.inf])

@@ -82,7 +82,7 @@ class J2(IsotropicSolid):
         return self.parameters()[2:].reshape(2, -1)
 
     def parameters(self) -> np.ndarray:
-        """Those of kernels.hardening: least yield stress, number of points, table."""
+        """Those of kernels.bulk.hardening: least yield stress, number of points, table."""
         points = list(self.yield_stress)
         if self.beyond == "slope":
             (strain, stress), (last_strain, last_stress) = points[-2:]

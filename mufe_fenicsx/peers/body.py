@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from ..contact.surface.surface import neighbours, rings
 from ..geometry.form.shape import inertia_of, principal, tet_moments
 from ..geometry.measure import boundary_triangles, compact
-from ..kernels.signed_distance import find_signed_distances
+from ..kernels.geometry.signed_distance import find_signed_distances
 
 
 @dataclass(frozen=True)

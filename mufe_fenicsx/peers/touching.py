@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.laws import edge_of_area
-from ..kernels.search import find_candidates, sort_into_cells
+from ..kernels.contact.search import find_candidates, sort_into_cells
 
 #: Cells of the grid of the search along the longest side of the sample.
 MOST_CELLS = 256

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from ..kernels.lanczos import add, begin, products, square, subtract, take_known, weigh
+from ..kernels.bulk.lanczos import add, begin, products, square, subtract, take_known, weigh
 
 #: Numbers of a vector from which on it has an array of its own: two large pages of memory.
 LARGE = 2 << 18

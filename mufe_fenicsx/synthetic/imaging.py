@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.ndimage
 
-from ..kernels import radial
+from ..kernels.packing import radial
 
 
 @dataclass

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import SolverError
-from ..kernels import radial
-from ..kernels import rigid as motion
+from ..kernels.bulk import rigid as motion
+from ..kernels.packing import radial
 from .rigid_packing.bodies import random_turns
 from .rigid_packing.contacts import near_pairs
 from .triangulated import icosphere, vertex_areas

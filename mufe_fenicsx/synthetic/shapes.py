@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 import scipy.special
 
-from ..kernels.radial import fill_radii
+from ..kernels.packing.radial import fill_radii
 
 #: Intervals of the table of radii along an edge of the cube.
 INTERVALS = 24
@@ -14,7 +14,7 @@ INTERVALS = 24
 
 @dataclass
 class RadialGrains:
-    """Shapes of n grains; `kernels.radial` says what the arrays mean.
+    """Shapes of n grains; `kernels.packing.radial` says what the arrays mean.
 
     The axes of a grain are its principal ones, L, I, S in this order.
     """

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..geometry.image.compare_labels import touching_labels
 from ..geometry.image.label_files import grain_table
-from ..kernels import radial
+from ..kernels.packing import radial
 from .triangulated import icosphere
 
 #: Columns of the tables.

@@ -123,8 +123,8 @@ def necking_strain(first_yield, hardening):
 def shared_volume(flow_stress, shear_modulus):
     """|1 - 1/J| of an element that shares its volume with neighbours, as far as flow can drive it.
 
-    Its own mean stress G (1 - 1/J)³/J resists (kernels.solid); stresses that drive it are of the
-    order of the flow stress Y: (Y/G)^(1/3).
+    Its own mean stress G (1 - 1/J)³/J resists (kernels.bulk.solid); stresses that drive it are of
+    the order of the flow stress Y: (Y/G)^(1/3).
     """
     return (flow_stress / shear_modulus) ** (1 / 3)
 

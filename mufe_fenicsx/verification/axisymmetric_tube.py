@@ -20,7 +20,7 @@ from mpi4py import MPI
 from scipy.interpolate import CubicSpline
 from scipy.sparse.linalg import splu
 
-from ..kernels.compiled_forms import compiled_form
+from ..kernels.build.compiled_forms import compiled_form
 
 #: Elements through the wall, and their longest edge over the thickness.
 THROUGH, ALONG = 4, 0.25

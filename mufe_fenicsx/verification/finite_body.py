@@ -13,7 +13,7 @@ from dolfinx.fem.petsc import LinearProblem
 from mpi4py import MPI
 
 from ..geometry.bodies.half_ball import half_ball
-from ..kernels.compiled_forms import compiled_form
+from ..kernels.build.compiled_forms import compiled_form
 from ..mesh import create_grain_mesh
 
 

@@ -9,7 +9,7 @@ from ..contact.walls import Wall
 from ..geometry.bodies.shapes import cylinder
 from ..geometry.bodies.sleeve import sleeve
 from ..geometry.bodies.spherical_shell import spherical_shell
-from ..kernels.pressure import enclosed_volume
+from ..kernels.bulk.pressure import enclosed_volume
 from ..loading.membrane import Membrane
 from ..loading.oedometer import smooth_step
 from ..loading.pressure import Pressure

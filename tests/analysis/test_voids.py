@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.analysis.voids import OCTANTS, inner_void_ratio
-from mufe_fenicsx.kernels.voids import box_of_centres, solid_of_octants
+from mufe_fenicsx.kernels.geometry.voids import box_of_centres, solid_of_octants
 
 ROUND_OFF = 1e-12
 

@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 from mufe_fenicsx.bulk.solid import ELEMENTS
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.kernels import native
-from mufe_fenicsx.kernels import solid as kernels
+from mufe_fenicsx.kernels.build import native
+from mufe_fenicsx.kernels.bulk import solid as kernels
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.neo_hookean import NeoHookean
 from mufe_fenicsx.run.from_bodies import build

@@ -8,7 +8,7 @@ from mufe_fenicsx.bulk.mass_properties import mass_properties, point_properties,
 from mufe_fenicsx.contact.walls import Wall, rotation_of
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.kernels.rigid import set_axes, set_spin
+from mufe_fenicsx.kernels.bulk.rigid import set_axes, set_spin
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.run.from_bodies import build

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mufe_fenicsx.kernels.boxes import (
+from mufe_fenicsx.kernels.geometry.boxes import (
     box_around,
     boxes_of_facets,
     boxes_of_groups,

@@ -12,9 +12,9 @@ from mufe_fenicsx.contact.pairs.facet_pairs import Pairs
 from mufe_fenicsx.contact.results.nodal_fields import current_gaps
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.kernels import pairs as pair_kernels
-from mufe_fenicsx.kernels import walls as wall_kernels
-from mufe_fenicsx.kernels.native import load
+from mufe_fenicsx.kernels.build.native import load
+from mufe_fenicsx.kernels.contact import pairs as pair_kernels
+from mufe_fenicsx.kernels.contact import walls as wall_kernels
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.run.from_bodies import build, drive, settle

@@ -8,7 +8,7 @@ from mufe_fenicsx.contact.mark import ContactMark
 from mufe_fenicsx.contact.stiffness.tangent import ContactTangent
 from mufe_fenicsx.contact.walls import Wall, rotation_of
 from mufe_fenicsx.errors import InputError, SolverError
-from mufe_fenicsx.kernels.walls import gaps_to_walls
+from mufe_fenicsx.kernels.contact.walls import gaps_to_walls
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import build, distribute, simulate
 from tests.bodies import RADIUS, cylinder, packed_spheres, sphere

@@ -13,15 +13,15 @@ from mufe_fenicsx.bulk.solid import Solid
 from mufe_fenicsx.contact.pairs.table import RowTable
 from mufe_fenicsx.contact.surface.surface import neighbours
 from mufe_fenicsx.explicit.simulation import Simulation
-from mufe_fenicsx.kernels.edge_search import (
+from mufe_fenicsx.kernels.build.pair_rows import EDGE_PAIR
+from mufe_fenicsx.kernels.contact.edge_search import (
     find_edge_pairs,
     list_sharp_edges,
     segment_distance,
     sharp_edges,
     sort_edges_into_cells,
 )
-from mufe_fenicsx.kernels.edges import EdgeForces, edge_energy
-from mufe_fenicsx.kernels.pair_rows import EDGE_PAIR
+from mufe_fenicsx.kernels.contact.edges import EdgeForces, edge_energy
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.verification.sliding_normal import ridge

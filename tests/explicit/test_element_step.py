@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx import Elastic, box, build
-from mufe_fenicsx.kernels.element_step import element_steps
+from mufe_fenicsx.kernels.bulk.element_step import element_steps
 
 MATERIAL = Elastic(100e9, 0.15, 2650.0)
 EDGE = 1e-3

@@ -5,10 +5,10 @@ import platform
 import numpy as np
 import pytest
 
-from mufe_fenicsx.kernels import kick_drift
-from mufe_fenicsx.kernels.kick_drift import KickAndDrift
-from mufe_fenicsx.kernels.motion import accelerate_and_half_kick, half_kick_and_drift
-from mufe_fenicsx.kernels.native import load
+from mufe_fenicsx.kernels.build.native import load
+from mufe_fenicsx.kernels.bulk import kick_drift
+from mufe_fenicsx.kernels.bulk.kick_drift import KickAndDrift
+from mufe_fenicsx.kernels.bulk.motion import accelerate_and_half_kick, half_kick_and_drift
 from tests.contact.test_contact import collision
 
 FOUR_LANES = pytest.param(

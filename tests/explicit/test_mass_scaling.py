@@ -10,7 +10,7 @@ from mufe_fenicsx.contact.stiffness.springs import list_springs
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.explicit.mass_scaling import ASSEMBLED, RESOLVED
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.kernels.element_step import element_steps
+from mufe_fenicsx.kernels.bulk.element_step import element_steps
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.run.from_bodies import build

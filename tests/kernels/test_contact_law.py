@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.contact.surface import bulges
-from mufe_fenicsx.kernels import native
+from mufe_fenicsx.kernels.build import native
+from mufe_fenicsx.kernels.contact import tangents
 
-FOLDER = Path(native.__file__).parent
-#: Functions of kernels/law.h and how many numbers they take.
+HEADER = Path(tangents.__file__).with_name("contact_law.h")
+#: Functions of kernels/contact/law.h and how many numbers they take.
 LAW = {
     "over_stiffness": 2, "slope_over_stiffness": 2, "share_of_stiffness": 2, "slope_of_share": 2,
     "normal_force": 4, "stored_energy": 4, "limit_of_friction": 4,
@@ -41,7 +42,7 @@ def law(tmp_path_factory):
         given = ", ".join(f"double {x}" for x in taken)
         lines.append(f"double of_{name}({given}) {{ return {name}({', '.join(taken)}); }}")
     source.write_text("\n".join(lines))
-    library.write_bytes(native._compiled(source, [*native.OPTIONS, "-I", str(FOLDER)]))
+    library.write_bytes(native._compiled(source, native.OPTIONS))
     loaded = ctypes.CDLL(str(library))
     for name, number in LAW.items():
         function = loaded[f"of_{name}"]
@@ -105,5 +106,5 @@ def test_slipping_friction_is_the_coefficient_times_a_normal_force_that_it_chang
 
 
 def test_both_languages_have_the_same_factor():
-    (written,) = re.findall(r"#define XI (\S+)", (FOLDER / "contact_law.h").read_text("utf-8"))
+    (written,) = re.findall(r"#define XI (\S+)", HEADER.read_text("utf-8"))
     assert float(written) == bulges.XI

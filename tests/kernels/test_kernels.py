@@ -18,12 +18,12 @@ from mufe_fenicsx.bulk.solid import ELEMENTS, Solid, von_mises
 from mufe_fenicsx.contact.surface.surface import neighbours, rings
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.kernels import native
-from mufe_fenicsx.kernels import solid as kernels
-from mufe_fenicsx.kernels.closest import closest_point, pseudo_normal
-from mufe_fenicsx.kernels.hardening import plastic_increment, yield_stress_at
-from mufe_fenicsx.kernels.native import load
-from mufe_fenicsx.kernels.search import find_candidates, sort_into_cells
+from mufe_fenicsx.kernels.build import native
+from mufe_fenicsx.kernels.build.native import load
+from mufe_fenicsx.kernels.bulk import solid as kernels
+from mufe_fenicsx.kernels.bulk.hardening import plastic_increment, yield_stress_at
+from mufe_fenicsx.kernels.contact.search import find_candidates, sort_into_cells
+from mufe_fenicsx.kernels.geometry.closest import closest_point, pseudo_normal
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.mesh import create_grain_mesh

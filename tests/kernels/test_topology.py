@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.kernels.topology import body_defect
+from mufe_fenicsx.kernels.geometry.topology import body_defect
 from mufe_fenicsx.mesh import create_grain_mesh
 
 

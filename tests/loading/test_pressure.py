@@ -7,7 +7,7 @@ from mpi4py import MPI
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.kernels.pressure import enclosed_volume
+from mufe_fenicsx.kernels.bulk.pressure import enclosed_volume
 from mufe_fenicsx.loading.pressure import Pressure
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.rigid import Rigid

@@ -12,14 +12,14 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx import load_scene, run_scene
-from mufe_fenicsx.kernels import ahead, native, turns
-from mufe_fenicsx.kernels.cache_files import SealedCacheFile
+from mufe_fenicsx.kernels.build import ahead, native, turns
+from mufe_fenicsx.kernels.build.cache_files import SealedCacheFile
 from mufe_fenicsx.machine.mpi_launcher import environment_without_launcher
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Takes the turn for the file that it is given, and says so.
 HOLD = (
-    "import sys, time; from mufe_fenicsx.kernels import turns; "
+    "import sys, time; from mufe_fenicsx.kernels.build import turns; "
     "turns.take_turn(sys.argv[1]); print('mine', flush=True); time.sleep(600)"
 )
 
@@ -85,8 +85,8 @@ def test_what_another_process_saved_meanwhile_is_taken(tmp_path, monkeypatch):
     def take_turn(path):
         SealedCacheFile(str(tmp_path), "loop", 1).save("key", "code")
 
-    monkeypatch.setattr("mufe_fenicsx.kernels.cache_files.take_turn", take_turn)
-    monkeypatch.setattr("mufe_fenicsx.kernels.cache_files.end_turn", given_back.append)
+    monkeypatch.setattr("mufe_fenicsx.kernels.build.cache_files.take_turn", take_turn)
+    monkeypatch.setattr("mufe_fenicsx.kernels.build.cache_files.end_turn", given_back.append)
     assert cache.is_empty()
     assert cache.load("key") == "code" and not cache.is_empty()
     assert given_back == [str(tmp_path / "loop.nbi")] * 2  # by the other one and by this one

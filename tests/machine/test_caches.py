@@ -10,9 +10,15 @@ from pathlib import Path
 import pytest
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.kernels import compiled_forms as forms
-from mufe_fenicsx.kernels import native
-from mufe_fenicsx.kernels.cache_files import SealedCacheFile, read_sealed, seal, stamp, write_sealed
+from mufe_fenicsx.kernels.build import compiled_forms as forms
+from mufe_fenicsx.kernels.build import native
+from mufe_fenicsx.kernels.build.cache_files import (
+    SealedCacheFile,
+    read_sealed,
+    seal,
+    stamp,
+    write_sealed,
+)
 from mufe_fenicsx.machine.mpi_launcher import environment_without_launcher
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,7 +31,7 @@ def library(monkeypatch, tmp_path):
     folder.mkdir()
     (folder / "small.c").write_text("int answer(void) { return 42; }\n")
     count = []
-    monkeypatch.setattr(native, "__file__", str(folder / "native.py"))
+    monkeypatch.setattr(native, "__file__", str(folder / "build" / "native.py"))
     monkeypatch.setitem(native.SOURCES, "small", ())
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(native, "_compiled", lambda *a: count.append(1) or compiled(*a))
@@ -179,7 +185,7 @@ def test_without_a_compiler_a_form_is_one_clear_line(tmp_path):
         "def action():\n"
         "    import ufl\n"
         "    from dolfinx import fem, mesh\n"
-        "    from mufe_fenicsx.kernels.compiled_forms import compiled_form\n"
+        "    from mufe_fenicsx.kernels.build.compiled_forms import compiled_form\n"
         "    cube = mesh.create_unit_cube(MPI.COMM_WORLD, 1, 1, 1)\n"
         "    V = fem.functionspace(cube, ('Lagrange', 1))\n"
         "    compiled_form(ufl.TestFunction(V) * ufl.dx)\n"
@@ -194,7 +200,7 @@ def test_without_a_compiler_a_form_is_one_clear_line(tmp_path):
 def test_two_processors_share_a_cache_of_numba(tmp_path):
     """Each finds its own loops again, and none of the other's."""
     program = (
-        "import numpy as np; from mufe_fenicsx.kernels.lanczos import square; "
+        "import numpy as np; from mufe_fenicsx.kernels.bulk.lanczos import square; "
         "assert square(np.ones((4, 3)), np.ones((4, 1))) == 12.0; "
         "print(sum(square.stats.cache_hits.values()), sum(square.stats.cache_misses.values()))"
     )

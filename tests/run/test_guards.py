@@ -11,7 +11,7 @@ from mufe_fenicsx.bulk.tools import Tool
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import SolverError, UnstableError
 from mufe_fenicsx.geometry.bodies.shapes import box, sphere
-from mufe_fenicsx.kernels.hardening import yield_stress_at
+from mufe_fenicsx.kernels.bulk.hardening import yield_stress_at
 from mufe_fenicsx.loading.oedometer import hindrance
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2

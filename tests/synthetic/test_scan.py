@@ -12,7 +12,7 @@ from mufe_fenicsx.cli import main as cli
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.image.compare_labels import compare_labels, touching_labels
 from mufe_fenicsx.geometry.image.label_files import read_labels
-from mufe_fenicsx.kernels import radial
+from mufe_fenicsx.kernels.packing import radial
 from mufe_fenicsx.materials.sand import SAND
 from mufe_fenicsx.scene import load_scene
 from mufe_fenicsx.synthetic.imaging import grey_image, ring_pattern, voxelise

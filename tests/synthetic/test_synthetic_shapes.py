@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.bulk.mass_properties import mass_properties
-from mufe_fenicsx.kernels.radial import level, radius_and_slope, shape_place
+from mufe_fenicsx.kernels.packing.radial import level, radius_and_slope, shape_place
 from mufe_fenicsx.synthetic.shapes import (
     harmonics,
     make_grains,

@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from ...kernels.boxes import with_marked_vertex
-from ...kernels.edge_search import (
+from ...kernels.build.pair_rows import EDGE_PAIR
+from ...kernels.contact.edge_search import (
     edge_areas,
     find_edge_pairs,
     list_sharp_edges,
     sort_edges_into_cells,
 )
-from ...kernels.edges import EdgeForces, edge_energy
-from ...kernels.pair_rows import EDGE_PAIR
+from ...kernels.contact.edges import EdgeForces, edge_energy
+from ...kernels.geometry.boxes import with_marked_vertex
 from ..laws import edge_of_area
 from .table import RowTable
 
@@ -19,8 +19,8 @@ class EdgeContact:
     """Contact of crossing sharp edges, of which no vertex need be inside the other grain.
 
     A pair is an own edge and an edge of a grain of higher number: the rank of the lower
-    grain evaluates it. Edges at less than ``PARALLEL`` (kernels/crossing.h) to each other are left
-    to nodes and facets, as are edges that are not sharp (``OwnSurface.sharp_edge``).
+    grain evaluates it. Edges at less than ``PARALLEL`` (kernels/contact/crossing.h) to each other
+    are left to nodes and facets, as are edges that are not sharp (``OwnSurface.sharp_edge``).
 
     The stiffness of a crossing is that of a node at its place on a facet, of the finer edge:
     k = A/2 / (c h/E* + c h/E*), A the mean area of the nodes at the edge's ends. Near a
@@ -97,7 +97,7 @@ class EdgeContact:
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
 
         Args:
-            x, f: As of :class:`~mufe_fenicsx.kernels.edges.EdgeForces`.
+            x, f: As of :class:`~mufe_fenicsx.kernels.contact.edges.EdgeForces`.
         """
         coefficients = self.friction.coefficients
         self.pairs.forces = EdgeForces(self.pairs, self.edges, coefficients, x, f)
@@ -106,8 +106,8 @@ class EdgeContact:
         """Springs of closed pairs and of those that a motion of ``margin`` [m] can close. Local.
 
         Returns:
-            Nodes, shares and normals as of :func:`~mufe_fenicsx.kernels.springs.add_springs`, with
-            four nodes each; stiffness along and across [N/m].
+            Nodes, shares and normals as of kernels.contact.springs.add_springs, with four nodes
+            each; stiffness along and across [N/m].
         """
         p, e = self.pairs, self.edges
         on, kn = p.forces.springs(margin, bound)
@@ -129,7 +129,7 @@ class EdgeContact:
 
 
 class _Edges:
-    """Sharp edges of a surface, own edges first. Arrays as in kernels.edges."""
+    """Sharp edges of a surface, own edges first. Arrays as in kernels.contact.edges."""
 
     def __init__(self, num_own, surface, ratio_of_node):
         s = surface
@@ -152,7 +152,7 @@ class _Edges:
 
 
 class EdgePairs(RowTable):
-    """Pairs of edges of one rank. Arrays as in kernels.edges."""
+    """Pairs of edges of one rank. Arrays as in kernels.contact.edges."""
 
     def __init__(self, first, second, edges, recess, bound, friction):
         super().__init__(EDGE_PAIR, first.size, bound)

@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from ...kernels.boxes import box_around, mean_extent
-from ...kernels.pair_rows import PAIR
-from ...kernels.search import find_candidates, group_by_grain, sort_into_cells
-from ...kernels.self_contact import find_self_candidates
-from ...kernels.transfer import find_again, transfer_pairs
+from ...kernels.build.pair_rows import PAIR
+from ...kernels.contact.search import find_candidates, group_by_grain, sort_into_cells
+from ...kernels.contact.self_contact import find_self_candidates
+from ...kernels.contact.transfer import find_again, transfer_pairs
+from ...kernels.geometry.boxes import box_around, mean_extent
 from .motion_bounds import MotionBounds
 from .table import PairTable
 
 
 class Pairs(PairTable):
-    """Node-grain pairs of one rank, found by :func:`search_pairs`. Arrays as in kernels.pairs."""
+    """Node-grain pairs of one rank, found by :func:`search_pairs`."""
 
     STATE = {"here": (*PairTable.STATE["here"], "candidate_next_check", "closest")}
 

@@ -16,8 +16,8 @@ advances by w and by what the field brings points to the plane, wherever these a
 import numpy as np
 from mpi4py import MPI
 
-from ...kernels.motion import moments
-from ...kernels.motion_bounds import advance_bounds
+from ...kernels.bulk.motion import moments
+from ...kernels.bulk.motion_bounds import advance_bounds
 
 #: Tag of the messages between neighbour ranks.
 TAG = 72
@@ -119,7 +119,7 @@ def linear_field(comm, x, v):
         x, v: Positions [m] and velocities [m/s], shape (num_nodes, 3).
 
     Returns:
-        Velocity at the origin [m/s] and its slopes [1/s], shape (4, 3), as in kernels.motion.
+        Velocity at the origin [m/s] and its slopes [1/s], shape (4, 3), as in kernels.bulk.motion.
     """
     sums = np.zeros((4, 7))
     moments(sums, x, v)

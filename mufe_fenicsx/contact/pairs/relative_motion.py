@@ -3,7 +3,7 @@
 import numpy as np
 from mpi4py import MPI
 
-from ...kernels.motion import largest_move
+from ...kernels.bulk.motion import largest_move
 from ...state import Stateful
 from .motion_bounds import RANGE, GrainMoves
 

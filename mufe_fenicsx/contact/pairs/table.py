@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...kernels.pair_rows import DENT
-from ...kernels.transfer import copy_rows
+from ...kernels.build.pair_rows import DENT
+from ...kernels.contact.transfer import copy_rows
 from ...state import Stateful
 
 
@@ -13,7 +13,7 @@ class RowTable(Stateful):
     Each field of the rows is an attribute, a view of shape (num_pairs,) or (num_pairs, n).
 
     Args:
-        row: :class:`~mufe_fenicsx.kernels.pair_rows.Row` of the pairs.
+        row: :class:`~mufe_fenicsx.kernels.build.pair_rows.Row` of the pairs.
         number: How many.
         bound: Of all relative motion so far [m].
     """

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from ...kernels.pair_rows import WALL_PAIR
-from ...kernels.walls import normal_forces
+from ...kernels.build.pair_rows import WALL_PAIR
+from ...kernels.contact.walls import normal_forces
 from .motion_bounds import WALLS, MotionBounds
 from .table import PairTable
 
 
 class WallPairs(PairTable):
-    """Node-wall pairs of one rank. Arrays as in kernels.walls."""
+    """Node-wall pairs of one rank. Arrays as in kernels.contact.walls."""
 
     def __init__(self, node, wall, points, bound, yields):
         walls = WALLS + wall.astype(np.int64)

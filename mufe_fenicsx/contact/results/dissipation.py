@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...kernels.transfer import transfer_pairs
+from ...kernels.contact.transfer import transfer_pairs
 from ...state import Stateful
 
 

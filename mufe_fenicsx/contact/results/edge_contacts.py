@@ -44,7 +44,7 @@ def closed_crossings(contact):
     depth = p.offset[on] - p.gap[on] - p.recess[on]
     normal_force = p.stiffness[on] * np.minimum(depth, p.largest_depth[on])
     normal, friction = p.normal[on], p.shear[on]
-    # As in kernels.edges: friction acts at the stick points, with a couple.
+    # As in kernels.contact.edges: friction acts at the stick points, with a couple.
     s, t = p.place[on].T
     stick_point_s, stick_point_t = p.stick_point[on].T
     lever = p.stiffness[on] * p.ratio[on] * p.gap[on]

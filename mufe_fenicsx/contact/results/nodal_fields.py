@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...kernels.gaps import find_gaps
+from ...kernels.contact.gaps import find_gaps
 from .edge_contacts import crossings_at_nodes
 
 #: Pairs whose gaps are found at a time: those of all of them need as much room as the state.

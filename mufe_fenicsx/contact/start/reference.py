@@ -7,7 +7,7 @@ from dolfinx import fem
 from dolfinx.fem.petsc import apply_lifting, assemble_matrix, create_vector
 from petsc4py import PETSc
 
-from ...kernels.compiled_forms import compiled_form
+from ...kernels.build.compiled_forms import compiled_form
 
 #: Elements keep at least this part of their volume.
 SMALLEST_VOLUME = 0.5

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from mpi4py import MPI
 
-from ...kernels.pair_rows import POINT_DENT
+from ...kernels.build.pair_rows import POINT_DENT
 from ...state import Stateful
 from ..laws import LAYERS, inertial_layers, largest_depths, replace_layers
 from ..pairs.edge_pairs import edge_compliances

@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...kernels.rows import add_rows, gather_rows
-from ...kernels.spring_lists import list_pairs
-from ...kernels.springs import add_springs
+from ...kernels.build.rows import add_rows, gather_rows
+from ...kernels.contact.spring_lists import list_pairs
+from ...kernels.contact.springs import add_springs
 from ..surface.exchange import SurfaceVector
 
 
 class SpringList(NamedTuple):
-    """Springs that have as many nodes each, as in kernels.springs."""
+    """Springs that have as many nodes each, as in kernels.contact.springs."""
 
     nodes: np.ndarray  #: int32, shape (n, num)
     share: np.ndarray  #: shape (n, num)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...errors import InputError
-from ...kernels.tangents import edge_tangent, pair_tangent, wall_tangent
+from ...kernels.contact.tangents import edge_tangent, pair_tangent, wall_tangent
 
 
 class ContactTangent:

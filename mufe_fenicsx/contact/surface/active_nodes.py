@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...kernels.boxes import with_marked_vertex
+from ...kernels.geometry.boxes import with_marked_vertex
 
 
 def nodes_of_pairs(contact):

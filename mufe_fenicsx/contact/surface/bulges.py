@@ -20,7 +20,7 @@ import numpy as np
 
 from .surface import SHARP_EDGE
 
-#: As in kernels/pairs.h.
+#: As in kernels/contact/pairs.h.
 XI = 0.104
 #: Part of an edge below which a height is rounding.
 NONE = 1e-12
@@ -164,7 +164,7 @@ def height(bulge, w):
 def against_walls(curvature, area, bend, cylinder):
     """Length m of the contact law of points with walls [m], shape (num,).
 
-    XI h² √det with the determinant of the curvature of the gap, as in kernels/pairs.h.
+    XI h² √det with the determinant of the curvature of the gap, as in kernels/contact/pairs.h.
 
     Args:
         curvature: Of the surface, as of :class:`Bulges`, shape (num, 3).

@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ...kernels.boxes import box_around, boxes_of_facets, touch_box, with_marked_vertex
+from ...kernels.geometry.boxes import box_around, boxes_of_facets, touch_box, with_marked_vertex
 from .occupancy import Cells, occupied_cells
 from .surface import neighbours, rings
 
@@ -31,7 +31,7 @@ class Surface:
     bulge_of_facet: np.ndarray  #: as of surface.bulges [m], shape (num_facets, 6)
     curvature_of_facet: np.ndarray  #: as of surface.bulges, shape (num_facets, 3)
     use: np.ndarray  #: False for facets that only complete a ring, shape (num_facets,)
-    neighbour: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
+    neighbour: np.ndarray  #: as in kernels.geometry.closest, shape (num_facets, 3)
     ring_offset: np.ndarray  #: compressed rows of the facets around each node
     ring: np.ndarray
     #: Ranks that know facets of each other: rank, grains of this rank that it knows, and its

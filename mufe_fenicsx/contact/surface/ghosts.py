@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...kernels.points import place_points
-from ...kernels.rows import gather_rows, gather_some, hand_rows, hand_some
+from ...kernels.build.rows import gather_rows, gather_some, hand_rows, hand_some
+from ...kernels.contact.points import place_points
 from .exchange import SurfaceArray, SurfaceVector
 from .halo_messages import Messages
 
@@ -120,7 +120,7 @@ class Ghosts:
         self._lent = False
 
     def corners(self):
-        """Nodes and weights of points in facets as kernels.points wants them, made anew. Local."""
+        """Nodes and weights of points in facets as kernels.contact.points has them. Local."""
         if not self.num_before:
             return np.empty((0, 3), np.int32), np.empty((0, 3))
         return self._points.corner + np.int32(self.num_before), self._points.weight

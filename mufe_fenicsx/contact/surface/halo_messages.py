@@ -9,7 +9,7 @@ it sends those that pairs read or act on.
 import numpy as np
 from mpi4py import MPI
 
-from ...kernels.rows import add_rows, gather_rows, put_rows, take_rows
+from ...kernels.build.rows import add_rows, gather_rows, put_rows, take_rows
 from .exchange import swap
 
 #: Tags of positions and of forces.

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...kernels.boxes import box_around
-from ...kernels.occupancy import fill_cells, touch_full_cells
+from ...kernels.contact.occupancy import fill_cells, touch_full_cells
+from ...kernels.geometry.boxes import box_around
 
 #: Edge of the cells over the mean extent of a facet: half of it sends few facets in vain, and
 #: the cells of a surface are still far fewer bytes than what is sent for them.

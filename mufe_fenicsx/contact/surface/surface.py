@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...kernels.edge_search import sharp_edges
+from ...kernels.contact.edge_search import sharp_edges
 
 #: Convex edges are sharp whose facets' normals differ by more than this angle [rad]. Where two
 #: edges of length h cross at their middles, a vertex is inside the other body from the depth

@@ -7,7 +7,7 @@ import numpy as np
 import pyvista
 
 from ...errors import InputError
-from ...kernels.topology import cut_at_pinches, surface_pinch
+from ...kernels.geometry.topology import cut_at_pinches, surface_pinch
 from ..image.array_file import array_names, read_arrays
 from ..image.image_files import files_in
 from ..measure import compact, surface_defect, surface_volume

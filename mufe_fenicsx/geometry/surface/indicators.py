@@ -7,7 +7,7 @@ import numpy as np
 import scipy.ndimage
 import scipy.sparse
 
-from ...kernels.spline import spline_value_and_gradient
+from ...kernels.contact.spline import spline_value_and_gradient
 from ..image.labels import grains_in
 from .level_set import margin
 

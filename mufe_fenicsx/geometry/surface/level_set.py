@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.ndimage
 
-from ...kernels.spline import spline_value_and_gradient
+from ...kernels.contact.spline import spline_value_and_gradient
 
 #: Range of beta; its upper end leaves a margin to the 1/2 at which voids close.
 BETA = (-0.4, 0.4)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...kernels.gaps import find_gaps
-from ...kernels.search import find_candidates, group_by_grain, sort_into_cells
+from ...kernels.contact.gaps import find_gaps
+from ...kernels.contact.search import find_candidates, group_by_grain, sort_into_cells
 
 
 def surface_gaps(points, triangles, grain_of_node, reach):

@@ -4,7 +4,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from ...kernels import retriangulate as kernel
+from ...kernels.geometry import retriangulate as kernel
 from .remesh import SurfaceError
 
 #: Lengths of edges over the wanted one beyond which they are halved or shrunk.

@@ -11,7 +11,7 @@ import meshio
 import numpy as np
 
 from ...errors import InputError
-from ...kernels.topology import body_defect, cell_defect, num_folds
+from ...kernels.geometry.topology import body_defect, cell_defect, num_folds
 from ..atomic_output import new_files
 from ..grains import Grains
 from ..measure import positively_oriented, renumbered

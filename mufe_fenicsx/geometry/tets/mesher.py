@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...kernels.topology import body_defect
+from ...kernels.geometry.topology import body_defect
 from .. import measure
 from ..surface.remesh import SurfaceTooSmall
 from ..surface.sizing import UNIFORM

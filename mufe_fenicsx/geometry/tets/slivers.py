@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...kernels.relocate import EDGE, FIXED, INTERIOR, SURFACE, may_move, relocate
+from ...kernels.geometry.relocate import EDGE, FIXED, INTERIOR, SURFACE, may_move, relocate
 from ..measure import boundary_triangles
 
 #: Sweeps over the nodes at most.

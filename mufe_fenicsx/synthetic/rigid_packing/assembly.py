@@ -6,8 +6,8 @@ is in D √(ρ/E).
 
 import numpy as np
 
-from ...kernels import rigid
-from ...kernels.packed_spheres import kick_and_drift_spheres
+from ...kernels.bulk import rigid
+from ...kernels.packing.packed_spheres import kick_and_drift_spheres
 from .contacts import Contacts
 from .container import CYLINDER
 

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...kernels import rigid
+from ...kernels.bulk import rigid
 
 
 @dataclass
 class Bodies:
-    """Arrays of n bodies of unit density, as of `kernels.packing` and `kernels.rigid`."""
+    """Arrays of n bodies of unit density, as of kernels.packing.packing and kernels.bulk.rigid."""
 
     shapes: object  #: `shapes.Shapes`
     shape: np.ndarray  #: number of the shape of each

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...kernels import packed_spheres, packed_surfaces
+from ...kernels.packing import packed_spheres, packed_surfaces
 from .container import PERIODIC
 
 #: Tangential over normal stiffness: a sphere then turns as fast as it is pushed.

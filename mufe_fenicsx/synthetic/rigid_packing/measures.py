@@ -5,7 +5,7 @@ import numpy as np
 from ...analysis.fabric import anisotropy, fabric_tensor
 from ...analysis.voids import MARGIN, OCTANTS, inner_lengths, inner_void_ratio
 from ...geometry.form.proportions import median_diameter
-from ...kernels.packed_surfaces import label_voxels
+from ...kernels.packing.packed_surfaces import label_voxels
 
 #: Points along a mean diameter at which it is asked whether they are solid.
 POINTS = 24

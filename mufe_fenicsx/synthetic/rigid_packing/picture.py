@@ -8,7 +8,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from ...geometry.image.picture import BLUE, PALETTE, RED, STYLE, length_unit
-from ...kernels.packed_surfaces import label_voxels
+from ...kernels.packing.packed_surfaces import label_voxels
 from ...report.render import Camera, Layer, cannot_render, render
 from ...report.views import FROM
 

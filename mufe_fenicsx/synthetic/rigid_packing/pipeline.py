@@ -8,7 +8,7 @@ from ...errors import InputError
 from ...geometry.atomic_output import new_folder
 from ...geometry.grains import Grains, save_grains
 from ...geometry.image.label_files import write_labels, write_table
-from ...kernels.packed_surfaces import label_voxels
+from ...kernels.packing.packed_surfaces import label_voxels
 from ...materials.sand import scene_table
 from ...units import lengths_text, require, with_unit
 from ..shapes import sizes_by_mass

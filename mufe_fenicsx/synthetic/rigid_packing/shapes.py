@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from ...contact.surface.surface import neighbours, rings
 from ...geometry.form.shape import inertia_of, principal, tet_moments
 from ...geometry.measure import compact
-from ...kernels.signed_distance import find_signed_distances
+from ...kernels.geometry.signed_distance import find_signed_distances
 from ..triangulated import divided, vertex_areas
 
 #: Intervals of the grid of signed distances along an edge, and room around the body [sizes].
@@ -20,7 +20,7 @@ class Shapes:
     """Bodies of volume π/6 about their centroid, along their principal axes.
 
     Spheres have neither points nor grids: they are known as such. Arrays are those of
-    `kernels.packed_surfaces`.
+    `kernels.packing.packed_surfaces`.
     """
 
     surfaces: list  #: points and triangles seen from outside of each

@@ -11,7 +11,7 @@ from ...contact.walls import Wall
 from ...errors import SolverError
 from ...geometry.bodies.shapes import box
 from ...implicit.simulation import ImplicitSimulation
-from ...kernels.element_step import element_steps
+from ...kernels.bulk.element_step import element_steps
 from ...materials.elastic import IsotropicSolid
 from ...materials.j2 import J2
 from ...run.from_bodies import build, distribute, drive

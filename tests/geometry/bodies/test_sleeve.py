@@ -8,7 +8,7 @@ import pytest
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.sleeve import sleeve
 from mufe_fenicsx.geometry.bodies.spherical_shell import spherical_shell
-from mufe_fenicsx.kernels.topology import body_defect
+from mufe_fenicsx.kernels.geometry.topology import body_defect
 
 
 def volumes(points, cells):

@@ -14,7 +14,7 @@ from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.surface.given_surfaces import read_bodies
 from mufe_fenicsx.geometry.tets.jobs import shared_jobs, surface_jobs, voxel_jobs
 from mufe_fenicsx.geometry.tets.mesher import mesh_one
-from mufe_fenicsx.kernels.topology import body_defect
+from mufe_fenicsx.kernels.geometry.topology import body_defect
 from tests.bodies import euler_characteristic, sphere
 from tests.geometry.scenes import ball
 

@@ -7,7 +7,7 @@ import pytest
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.tets.foreign_meshes import import_grains
-from mufe_fenicsx.kernels.topology import body_defect
+from mufe_fenicsx.kernels.geometry.topology import body_defect
 
 ASSEMBLY = """*Heading
 ** two parts with the same numbers, one of them placed twice

@@ -13,7 +13,7 @@ from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.tets.jobs import voxel_jobs
 from mufe_fenicsx.geometry.tets.mesher import mesh_grains, mesh_one
 from mufe_fenicsx.geometry.tets.slivers import thickened
-from mufe_fenicsx.kernels.spline import spline_value_and_gradient
+from mufe_fenicsx.kernels.contact.spline import spline_value_and_gradient
 from tests.bodies import euler_characteristic
 from tests.geometry.scenes import ball, positions, two_balls
 

@@ -1,0 +1,1 @@
+"""Loops of tetrahedra, nodes and rigid grains."""

@@ -1,0 +1,1 @@
+"""Loops and C of contact: search, law, tangents."""

@@ -1,0 +1,1 @@
+"""Loops of meshing and of surfaces."""

@@ -1,0 +1,1 @@
+"""Loops of packings of rigid grains, and of radial shapes."""
