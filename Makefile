@@ -53,7 +53,7 @@ docs: $(DOCS)
 lint: $(TEST)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/clang-format --dry-run --Werror mufe_fenicsx/kernels/*.c mufe_fenicsx/kernels/*.h
+	$(BIN)/clang-format --dry-run --Werror mufe_fenicsx/kernels/*/*.c mufe_fenicsx/kernels/*/*.h
 	$(BIN)/mypy
 
 # uv takes a quarter of pip's time. Its settings are others than pip's: where it finds no packages, pip installs.
