@@ -11,6 +11,8 @@ contact foremost: its forces jump where a point leaves a sharp edge, which a dif
 pass over.
 """
 
+import weakref
+
 import numpy as np
 from petsc4py import PETSc
 
@@ -18,8 +20,22 @@ from petsc4py import PETSc
 LEAST = 1e-200
 
 
+class _Context:
+    """Of the matrix: it has no hold on the products, which have the matrix.
+
+    What PETSc's objects refer to, Python's collector of cycles does not see.
+    """
+
+    def __init__(self, products):
+        self._mult = weakref.WeakMethod(products.mult)
+
+    def mult(self, matrix, x, y):
+        """y = K x."""
+        self._mult()(matrix, x, y)
+
+
 class Products:
-    """The context of a PETSc matrix of type "python". Collective.
+    """Products as a PETSc matrix of type "python". Collective.
 
     Args:
         system: :class:`~mufe_fenicsx.implicit.preconditioner.NearSystem`, whose ``on_top`` is C.
@@ -38,7 +54,7 @@ class Products:
         self._mesh, self._way, self._part = mesh, way, part
         self._at, self._f = None, None
         n = system.vector().getSizes()
-        self.matrix = PETSc.Mat().createPython((n, n), self, comm=system.comm)
+        self.matrix = PETSc.Mat().createPython((n, n), _Context(self), comm=system.comm)
         self.matrix.setBlockSize(3)
         self.matrix.setUp()
 

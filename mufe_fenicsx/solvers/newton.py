@@ -1,6 +1,7 @@
 """Newton's method on a residual given as a function, by PETSc SNES."""
 
 import math
+import weakref
 
 import numpy as np
 from petsc4py import PETSc
@@ -23,6 +24,15 @@ _REASONS = PETSc.SNES.ConvergedReason
 #: a step leads out of all states, lengths are infinite, and it takes the step for a short one.
 FOUND = (_REASONS.CONVERGED_FNORM_RELATIVE,)
 FOUND_GUARDED = (*FOUND, _REASONS.CONVERGED_SNORM_RELATIVE)
+
+
+def _weak(method):
+    """The method without a hold on its object, which has what PETSc would keep for ever.
+
+    What PETSc's objects refer to, Python's collector of cycles does not see.
+    """
+    held = weakref.WeakMethod(method)
+    return lambda *arguments: held()(*arguments)
 
 
 class Newton:
@@ -65,14 +75,14 @@ class Newton:
             self.guarded = self._make_snes(prefix, 2 * max_iterations)
             self.guarded.setKSP(self.snes.getKSP())
             self.guarded.setType("python")
-            self.guarded.setPythonContext(GuardedNewton(self))
+            self.guarded.setPythonContext(GuardedNewton(weakref.proxy(self)))
 
     def _make_snes(self, prefix, max_iterations):
         snes = PETSc.SNES().create(self.system.comm)
         snes.setOptionsPrefix(prefix)
-        snes.setFunction(self._function, self.f)
-        snes.setJacobian(self._jacobian, *self.operators)
-        snes.setConvergenceTest(self._test)
+        snes.setFunction(_weak(self._function), self.f)
+        snes.setJacobian(_weak(self._jacobian), *self.operators)
+        snes.setConvergenceTest(_weak(self._test))
         snes.setTolerances(max_it=max_iterations)
         snes.setType("newtonls")
         with self.system.options():
@@ -174,7 +184,7 @@ class Newton:
     def _jacobian(self, snes, x, matrix, preconditioner):
         self.set_tangent(x, 0.0)
         if self.system.matrix.handle != preconditioner.handle:  # it has another pattern
-            snes.setJacobian(self._jacobian, *self.operators)
+            snes.setJacobian(_weak(self._jacobian), *self.operators)
 
     def _test(self, snes, iteration, norms):
         reason = self.test(iteration, norms[2], snes.getTolerances()[3])

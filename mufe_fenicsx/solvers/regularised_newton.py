@@ -38,7 +38,7 @@ class GuardedNewton:
     """The solver of a SNES of type "python". Collective.
 
     Args:
-        newton: :class:`~.newton.Newton` whose functions it uses.
+        newton: Weak reference of the :class:`~.newton.Newton` whose functions it uses.
     """
 
     def __init__(self, newton):
@@ -50,7 +50,8 @@ class GuardedNewton:
         """From ``x`` to the solution, in place; the reason of the end goes to ``snes``."""
         newton, f = self.newton, self.newton.f
         self._d, self._trial = x.duplicate(), x.duplicate()
-        self._sides, self.num_linear = Sides(newton.residual_vector), 0
+        # A method would hold on to what has this solver.
+        self._sides, self.num_linear = Sides(lambda x: newton.residual_vector(x)), 0
         regularisation, iteration = FIRST, 0
         snes.computeFunction(x, f)
         norm = self._least(f)

@@ -1,5 +1,7 @@
 """Implicit and static increments: tangents, orders, equilibria, and what they refuse."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +22,7 @@ from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.implicit.simulation import ImplicitSimulation
+from mufe_fenicsx.loading.gravity import Gravity
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.run.from_bodies import build, distribute
@@ -275,6 +278,19 @@ def test_the_drag_of_a_stiff_grain_on_a_soft_one_is_small(glued):
     low, top = sim.wall_forces()
     # The third cube is held by its drag, which no platen feels.
     assert top == pytest.approx(low, rel=0.0 if glued else 2e-6, abs=1e-9 * low)
+
+
+@pytest.mark.parametrize("solver", ["direct", "products"])
+def test_increments_leave_nothing_behind(solver):
+    """What PETSc keeps has no hold on the simulation: thousands of them fit into one process."""
+    mesh = distribute(MPI.COMM_SELF, [box((1.0, 1.0, 1.0), (1, 1, 1))])
+    s = static(mesh, STEEL, [Wall("floor", 0 * UP, UP, bonded=True)], linear_solver=solver)
+    s.add_term(Gravity(mesh, s.solid.mass, [0.0, 0.0, -9.81], s.rigid))
+    s.step()
+    left = weakref.ref(mesh)
+    del s, mesh
+    gc.collect()
+    assert left() is None
 
 
 def test_other_solvers_find_the_answer_of_the_direct_one():
