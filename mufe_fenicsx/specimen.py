@@ -10,7 +10,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from .bulk.added_term import try_term, words_of_failure
+from .bulk.added_term import naming, try_term
 from .bulk.rigid import RigidGrains, check_rigid
 from .bulk.solid import Solid
 from .bulk.tools import Tools, tool_solids
@@ -155,7 +155,9 @@ class Specimen(Stateful):
                 f"force term {term.name} has no act_on_rigid, expected one where grains are rigid: "
                 "their nodes follow them, and forces on these are lost"
             )
-        if not term.name or term.name in names:
+        if not term.name:
+            raise InputError(f"force term {type(term).__name__} has no name, expected one")
+        if term.name in names:
             raise InputError(
                 f'name of a force term = "{term.name}", expected one that is not there: '
                 f"{', '.join(names) or 'none is'}"
@@ -231,18 +233,20 @@ class Specimen(Stateful):
             dt: Length of the step that led there [s].
         """
         for term in self.terms:
-            term.begin_forces(self.f, self.state, dt)
+            if term.name:
+                with naming(term, self.comm):
+                    term.begin_forces(self.f, self.state, dt)
+            else:
+                term.begin_forces(self.f, self.state, dt)
         self._end_forces(dt)
 
     def _end_forces(self, dt):
-        term = None
-        try:
-            for term in self.terms:
+        for term in self.terms:
+            if term.name:
+                with naming(term, self.comm):
+                    term.add_forces(self.f, self.state, dt)
+            else:
                 term.add_forces(self.f, self.state, dt)
-        except Exception as error:
-            if term in self.added_terms:
-                error.add_note(words_of_failure(term, error))
-            raise
         if self.any_rigid:
             for term in self.terms:
                 term.act_on_rigid(self.rigid, self.state)

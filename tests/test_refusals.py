@@ -383,7 +383,7 @@ CASES = {
     "bulk/far_nodes.py FarNodes._ranks": Case(
         LAST, lambda _: far_nodes(9, 0), says="node 0 of grain 9, expected"),
     "bulk/far_nodes.py FarNodes.__init__": Case(
-        LAST, lambda _: far_nodes(0, 10**6), says="expected a smaller number"),
+        LAST, lambda _: far_nodes(0, 10**6), says="node 1000000 of grain 0, expected"),
     "specimen.py Specimen.__init__": Case(
         LAST, lambda _: simulation_of(cubes(), ROCK), "specimen._what_is_wrong", WRONG),
     "specimen.py Specimen.add_term": Case(

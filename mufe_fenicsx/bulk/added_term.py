@@ -1,8 +1,17 @@
 """Force terms of a user's own, tried before they act: whatever they raise is named as theirs."""
 
+import contextlib
+import time
+import traceback
+
 import numpy as np
+from mpi4py import MPI
 
 from ..errors import InputError, finite_array
+
+#: So long a rank whose term failed waits for the others to fail as well [s].
+PATIENCE = 10.0
+FAILED = 97  # tag of the messages by which they say so
 
 
 def try_term(term, state):
@@ -23,6 +32,40 @@ def try_term(term, state):
     if not np.isfinite(forces).all():
         raise InputError(f"force term {term.name} adds forces that are not finite")
     return forces, energy
+
+
+@contextlib.contextmanager
+def naming(term, comm):
+    """Name a term of a user's own as the place of what it raises; collective where it does.
+
+    Where it fails on some ranks alone, the others would wait for these for ever: all end.
+    """
+    try:
+        yield
+    except Exception as error:
+        error.add_note(words_of_failure(term, error))
+        if not _all_fail(comm):
+            traceback.print_exception(error)
+            comm.Abort(1)
+        raise
+
+
+def _all_fail(comm):
+    """Whether the other ranks come here too, before long.
+
+    By messages: collective calls would meet those that the others wait in.
+    """
+    others = set(range(comm.size)) - {comm.rank}
+    for rank in others:
+        comm.isend(None, dest=rank, tag=FAILED)
+    end = time.monotonic() + PATIENCE
+    while others and time.monotonic() < end:
+        status = MPI.Status()
+        if comm.iprobe(tag=FAILED, status=status):
+            comm.recv(source=status.source, tag=FAILED)
+            others.discard(status.source)
+        time.sleep(1e-3)
+    return not others
 
 
 def words_of_failure(term, error):

@@ -31,14 +31,14 @@ class FarNodes:
 
     def __init__(self, mesh, grain, number):
         self.comm = comm = mesh.comm
-        grain, number = (np.asarray(name, dtype=np.int64) for name in (grain, number))
-        rank = self._ranks(mesh, grain, number)
+        grain, number, message = _whole_numbers(grain, number)
+        rank = self._ranks(mesh, grain, number, message)
         order = np.argsort(rank, kind="stable")
         parts = np.searchsorted(rank[order], np.arange(comm.size + 1))
         parts = [order[a:b] for a, b in pairwise(parts)]
         asked = comm.alltoall([(grain[part], number[part]) for part in parts])
-        asked = [_own_nodes(mesh, *names) for names in asked]
-        raise_together(comm, _what_is_missing(asked))
+        names, asked = asked, [_own_nodes(mesh, *names) for names in asked]
+        raise_together(comm, _what_is_missing(names, asked))
         self.at = at = np.unique(np.concatenate(asked)).astype(np.int32)
         first = comm.exscan(at.size) or 0
         dof = mesh.V.dofmap.index_map.local_range[0]
@@ -53,10 +53,9 @@ class FarNodes:
         self._there, self._back = (SurfaceVector(comm, at.size, ghosts) for _ in range(2))
 
     @staticmethod
-    def _ranks(mesh, grain, number):
-        """Ranks of grains."""
+    def _ranks(mesh, grain, number, message):
+        """Ranks of grains; ``message``: what is wrong already."""
         wrong = (grain < 0) | (grain >= mesh.labels.size) | (number < 0)
-        message = None
         if wrong.any():
             k = int(np.argmax(wrong))
             message = (
@@ -110,8 +109,22 @@ def _own_nodes(mesh, grain, number):
     return np.where(place < last, mesh.named_nodes[np.minimum(place, last - 1)], -1)
 
 
-def _what_is_missing(asked):
+def _what_is_missing(names, asked):
     """The line for a node that was asked for and is not there, or None."""
-    if any((nodes < 0).any() for nodes in asked):
-        return "a node that a force term asks for is none of its grain, expected a smaller number"
+    for (grain, number), nodes in zip(names, asked, strict=True):
+        for k in np.flatnonzero(nodes < 0)[:1]:
+            return f"node {number[k]} of grain {grain[k]}, expected a number of a node of it"
     return None
+
+
+def _whole_numbers(grain, number):
+    """Both as integers, and the line for what is none."""
+    grain, number = np.asarray(grain), np.asarray(number)
+    kinds = all(a.dtype.kind in "iu" or not a.size for a in (grain, number))
+    if grain.ndim != 1 or grain.shape != number.shape or not kinds:
+        message = (
+            f"grains of shape {grain.shape} ({grain.dtype}) and numbers of nodes of shape "
+            f"{number.shape} ({number.dtype}), expected as many whole numbers of both"
+        )
+        return *np.empty((2, 0), dtype=np.int64), message
+    return grain.astype(np.int64), number.astype(np.int64), None

@@ -196,11 +196,6 @@ class IncrementEquations:
         first = self._specimen.mesh.V.dofmap.index_map.local_range[0]
         for term in self._specimen.added_terms:
             found = term.stiffness(self._specimen.state)
-            if found is None and term.springs(self._specimen.state, 0.0) is not None:
-                raise InputError(
-                    f"force term {term.name} has springs alone, expected its stiffness where "
-                    "increments are static"
-                )
             if found is None:
                 continue
             own_rows, own_columns, more = found

@@ -215,6 +215,7 @@ class ImplicitSimulation(OfSpecimen):
                 that did. On all ranks.
             UnstableError, SolverError: As of :meth:`check`.
         """
+        self._check_terms()
         tries, smallest, before = 0, self.settings.smallest, self._work()
         while True:
             dt, mark = self.end.cut(self.dt), self._mark()
@@ -280,6 +281,16 @@ class ImplicitSimulation(OfSpecimen):
         s = self.state
         (s.t, s.dt, s.num_steps), (self.specimen.damped, self.num_on_jumps), length = mark
         del self.report[length:]
+
+    def _check_terms(self):
+        """Raise InputError for an added term that has springs alone. Collective."""
+        s = self.state
+        for term in self.specimen.added_terms:
+            if term.springs(s, 0.0) is not None and term.stiffness(s) is None:
+                raise InputError(
+                    f"force term {term.name} has springs alone, expected a stiffness where "
+                    "increments are static or implicit: time steps know springs"
+                )
 
     def _increment(self, dt):
         """One increment of length ``dt``; whether it converged. The state stays where not."""
