@@ -10,7 +10,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from .bulk.added_term import naming, try_term
+from .bulk.added_term import name_failure, try_term
 from .bulk.rigid import RigidGrains, check_rigid
 from .bulk.solid import Solid
 from .bulk.tools import Tools, tool_solids
@@ -232,24 +232,23 @@ class Specimen(Stateful):
         Args:
             dt: Length of the step that led there [s].
         """
-        for term in self.terms:
-            if term.name:
-                with naming(term, self.comm):
-                    term.begin_forces(self.f, self.state, dt)
-            else:
-                term.begin_forces(self.f, self.state, dt)
+        self._each_term("begin_forces", self.f, self.state, dt)
         self._end_forces(dt)
 
     def _end_forces(self, dt):
-        for term in self.terms:
-            if term.name:
-                with naming(term, self.comm):
-                    term.add_forces(self.f, self.state, dt)
-            else:
-                term.add_forces(self.f, self.state, dt)
+        self._each_term("add_forces", self.f, self.state, dt)
         if self.any_rigid:
+            self._each_term("act_on_rigid", self.rigid, self.state)
+
+    def _each_term(self, method, *arguments):
+        term = None
+        try:
             for term in self.terms:
-                term.act_on_rigid(self.rigid, self.state)
+                getattr(term, method)(*arguments)
+        except Exception as error:
+            if term in self.added_terms:
+                name_failure(term, self.comm, error)
+            raise
 
     def lead_tools(self, dt):
         """Give tools their told motion of the step of ``dt`` [s] that comes. Local.

@@ -1,6 +1,5 @@
 """Force terms of a user's own, tried before they act: whatever they raise is named as theirs."""
 
-import contextlib
 import time
 import traceback
 
@@ -34,20 +33,15 @@ def try_term(term, state):
     return forces, energy
 
 
-@contextlib.contextmanager
-def naming(term, comm):
-    """Name a term of a user's own as the place of what it raises; collective where it does.
+def name_failure(term, comm, error):
+    """Name a term of a user's own as the place of an error, which its caller raises then.
 
     Where it fails on some ranks alone, the others would wait for these for ever: all end.
     """
-    try:
-        yield
-    except Exception as error:
-        error.add_note(words_of_failure(term, error))
-        if not _all_fail(comm):
-            traceback.print_exception(error)
-            comm.Abort(1)
-        raise
+    error.add_note(words_of_failure(term, error))
+    if not _all_fail(comm):
+        traceback.print_exception(error)
+        comm.Abort(1)
 
 
 def _all_fail(comm):
