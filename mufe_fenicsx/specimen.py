@@ -220,8 +220,7 @@ class Specimen(Stateful):
         contact.begin_step(s.x)
         self.f[:] = 0.0
         # Of the terms, all but that of contact, which what moves the specimen brings.
-        for term in self.terms:
-            term.begin_forces(self.f, s, 0.0)
+        self._each_term("begin_forces", self.f, s, 0.0)
         contact.add_forces(self.f, s.x, accept=True)
         check_start(self.mesh, contact)
         self._end_forces(0.0)
@@ -248,6 +247,14 @@ class Specimen(Stateful):
         except Exception as error:
             if term in self.added_terms:
                 name_failure(term, self.comm, error)
+            raise
+
+    def ask(self, term, method, *arguments):
+        """What a method of an added term gives; named where it fails. As collective as that."""
+        try:
+            return getattr(term, method)(*arguments)
+        except Exception as error:
+            name_failure(term, self.comm, error)
             raise
 
     def lead_tools(self, dt):
@@ -353,7 +360,7 @@ class Specimen(Stateful):
         }
         for term, first in zip(self.added_terms, self.first_energies, strict=True):
             if not np.isnan(first):
-                local[f"energy_{term.name}"] = term.energy(self.state) - first
+                local[f"energy_{term.name}"] = self.ask(term, "energy", self.state) - first
         local["work"] = self.walls.work + self.tools.work
         local_sums = np.array([*local.values(), self.initial_kinetic, dents, num_contacts])
         *values, initial, dents, number = self.comm.allreduce(local_sums)

@@ -150,7 +150,8 @@ class StableStep(Stateful):
         Raises:
             InputError: There is one, and the step is to come from single elements.
         """
-        found = [term.stiffness(self.state) for term in self.specimen.added_terms]
+        specimen, state = self.specimen, self.state
+        found = [specimen.ask(term, "stiffness", state) for term in specimen.added_terms]
         self._of_terms = [of_term for of_term in found if of_term is not None]
         if self._of_terms and not self.assembled:
             raise InputError(

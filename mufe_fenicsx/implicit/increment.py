@@ -195,7 +195,7 @@ class IncrementEquations:
         """Blocks of contact, by global nodes, and after them those of added terms."""
         first = self._specimen.mesh.V.dofmap.index_map.local_range[0]
         for term in self._specimen.added_terms:
-            found = term.stiffness(self._specimen.state)
+            found = self._specimen.ask(term, "stiffness", self._specimen.state)
             if found is None:
                 continue
             own_rows, own_columns, more = found

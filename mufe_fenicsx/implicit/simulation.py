@@ -286,7 +286,8 @@ class ImplicitSimulation(OfSpecimen):
         """Raise InputError for an added term that has springs alone. Collective."""
         s = self.state
         for term in self.specimen.added_terms:
-            if term.springs(s, 0.0) is not None and term.stiffness(s) is None:
+            springs = self.specimen.ask(term, "springs", s, 0.0)
+            if springs is not None and term.stiffness(s) is None:
                 raise InputError(
                     f"force term {term.name} has springs alone, expected a stiffness where "
                     "increments are static or implicit: time steps know springs"

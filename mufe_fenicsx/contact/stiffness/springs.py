@@ -121,7 +121,8 @@ class AllSprings:
 
 def all_springs(specimen, margin, expected=False):
     """Springs of contact, by :func:`list_springs`, and of added terms. Collective."""
-    of_terms = [term.springs(specimen.state, margin) for term in specimen.added_terms]
+    state = specimen.state
+    of_terms = [specimen.ask(term, "springs", state, margin) for term in specimen.added_terms]
     of_terms = [of_term for of_term in of_terms if of_term is not None]
     of_contact = list_springs(specimen.contact, margin, expected)
     return AllSprings(of_contact, of_terms) if of_terms else of_contact
