@@ -65,7 +65,7 @@ INLINE void deepen(const strength_type *of, int64_t pair, double deeper, double 
   row->slope_left = (float)slope_left;
   of->work[row->cell] += work;
   kept->dent += own_part * deeper;
-  if (own_part == 1.0 || !(deeper > 0.0)) return;
+  if (own_part == 1.0) return;
   if (kept->met != row->partner) kept->met = row->partner, kept->beyond = 0.0;
   kept->beyond += (1.0 - own_part) * deeper;
 }

@@ -6,8 +6,8 @@
 /* Crossings deeper than this part of the mean edge are none. The vertices of right-angled edges that
    cross at their middles are inside from a half on, and nodes and facets hold those. */
 #define DEEPEST 0.6
-#define APART \
-  1e-3 /* angle by which an open crossing may seem outside its facets by rounding [rad] */
+/* Angle by which an open crossing may seem outside its facets by rounding [rad]. */
+#define APART 1e-3
 /* Part of its edge from the end on which a crossing may leave to the next one: more than fades out. */
 #define LEAVING (10.0 * END)
 /* How far ``outside`` a crossing is whose edges or facets end before they meet. */
