@@ -297,6 +297,59 @@ def test_a_crossing_moves_on_along_a_ridge():
     assert slip == pytest.approx(friction * np.mean(k) * depth * way, rel=2e-3)
 
 
+def test_a_crossing_that_comes_in_beside_one_that_stays_begins_without_force():
+    """An edge lies across both legs of a ridge with a kink, near its node, as deep in both.
+
+    One crossing carries, farther from its end than it fades out. The other one comes in from the
+    side, when its facets turn: it takes nothing over, or each time it did energy would come from
+    nowhere.
+    """
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    nodes = [[-c, s, 0], [0, 0, 0], [c, s, 0]]  # of the ridge of the first body, which lies above
+    facets = [[-c - 0.4, s - 0.7, 1], [-c + 0.4, s + 0.7, 1], [0, 0, 0], [0, 0, 0]]
+    edge = [[-1, 0.0025, 0.02], [1, 0.0025, 0.02], [0, 0.8, -1], [0, -0.8, -1]]
+    x, leg, across = np.array([*nodes, *facets, *edge]), np.array([c, s, 0]), np.array([-s, c, 0])
+
+    def turn(angle):
+        """Facets of the second leg, about it: at 0 their normals enclose the direction down."""
+        down, side = [0, 0, 1], across
+        for row, sign in ((5, 1), (6, -1)):
+            a = angle + sign * 0.7
+            x[row] = leg + np.sin(a) * side + np.cos(a) * np.array(down)
+
+    pairs = RowTable(EDGE_PAIR, 2, 0.0)
+    pairs.first[:], pairs.second[:], pairs.size[:] = [0, 1], 2, 1.0
+    pairs.largest_depth[:], pairs.ratio[:] = 10.0, 0.9
+    pairs.edges = SimpleNamespace(
+        ends=np.array([[0, 1], [1, 2], [7, 8]], np.int32),
+        beyond=np.array([[3, 4], [5, 6], [9, 10]], np.int32),
+        area=np.ones(3), layer=np.ones(3), share=np.array([[0.5, 1.0], [1.0, 0.5], [0.5, 0.5]]),
+        compliance=np.zeros(3),
+    )  # fmt: skip
+
+    def force():
+        f = np.zeros_like(x)
+        EdgeForces(pairs, pairs.edges, np.array([[0.3, 0.3]]), x, f)(0.0, False)
+        return -f[7:, 2].sum()
+
+    def press(depth):
+        x[7:9, 2] = depth
+        return force()
+
+    out = 1.0  # its normals end 0.13 before the direction down, and 0.1 are allowed
+    turn(out)
+    press(-1e-6)
+    pairs.next_check[:] = -1.0
+    carried = press(0.02)
+    assert pairs.closed.tolist() == [True, False]
+    assert 0.004 < 1 - pairs.place[0, 0] < 0.006
+    for angle in np.linspace(out, 0.5, 30):
+        turn(angle)
+        pairs.next_check[1] = 0.0  # is looked at
+        assert force() == pytest.approx(carried, rel=1e-9)  # rounding of the place
+    assert pairs.outside[1] < 0.0
+
+
 @pytest.mark.parametrize("element", ["averaged", "p1"])
 def test_relative_compliance_of_the_ends_of_edges(element):
     """(e1 - e2)ᵀ K⁻¹ (e1 - e2), K where all nodes are held but those around both ends.

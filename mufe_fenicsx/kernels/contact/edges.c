@@ -8,8 +8,11 @@
 #define DEEPEST 0.6
 /* Angle by which an open crossing may seem outside its facets by rounding [rad]. */
 #define APART 1e-3
-/* Part of its edge from the end on which a crossing may leave to the next one: more than fades out. */
-#define LEAVING (10.0 * END)
+/* A crossing leaves to the next one from so near to its end on, in parts of its edge beyond END: a
+   little more than it fades out in. Farther inside, both carry: the next one came in from the side. */
+#define LEAVING (3.0 * END)
+/* How far from its end, in parts of its edge, the next one may be that pierces no facet. */
+#define ARRIVING (10.0 * END)
 /* How far ``outside`` a crossing is whose edges or facets end before they meet. */
 #define UNPIERCED 2.0
 /* Crossings up to this part of their edges, or this angle [rad], outside can carry soon. */
@@ -135,7 +138,7 @@ static void begin(const edge_pairs_type *m, found_type *found, int64_t p, int64_
   if (m->next_check[p] > bound || s->closed || -s->gap <= s->recess) return;
   const place_type here = two_of(s->place);
   const double inside = least(least(here.s, 1.0 - here.s), least(here.t, 1.0 - here.t));
-  if (s->outside > 0.0 && (s->outside != UNPIERCED || inside > LEAVING)) return;
+  if (s->outside > 0.0 && (s->outside != UNPIERCED || inside > ARRIVING)) return;
   set_two(s->stick_point, here);
   s->sliding = 0;
   const edge_pair_row *q = left_to(m, num_due, s);
