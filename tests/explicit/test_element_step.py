@@ -42,3 +42,19 @@ def test_step_of_an_element_is_that_of_its_four_altitudes():
         expected = 1.0 / (speed * np.sqrt((gradients**2).sum()))
         found = element_steps(x, np.array([[0, 1, 2, 3]], np.int32), np.array([speed]))
         assert found[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_step_of_tetrahedra_alone_is_that_of_the_dense_matrix():
+    """Δt = 2/ω of a brick, whatever touches it."""
+    points, cells = box((EDGE, 2 * EDGE, EDGE), (2, 2, 2))
+    s = build(MPI.COMM_SELF, [(points, cells)], MATERIAL, np.zeros(3), np.zeros(3), axes="")
+    size = s.state.x.size
+    K = np.empty((size, size))
+    for i, q in enumerate(np.eye(size)):
+        y = np.zeros_like(s.state.x)
+        s.solid.add_stiffness(y, q.reshape(-1, 3), s.state.x)
+        K[i] = y.ravel()
+    root = np.repeat(1.0 / np.sqrt(s.solid.mass), 3)
+    expected = 2.0 / np.sqrt(np.linalg.eigvalsh(root[:, None] * K * root)[-1])
+    # Lanczos stops at a residual of 2 % of the eigenvalue, which is added.
+    assert 0.98 * expected < s.stable.of_tets() <= expected * (1 + 1e-9)
