@@ -33,7 +33,7 @@ from .errors import (
 )
 from .loading.gravity import Gravity
 from .materials.elastic import IsotropicSolid
-from .state import ForceTerm, Stateful, initial_state
+from .state import Constraint, ForceTerm, Stateful, initial_state
 
 
 class Specimen(Stateful):
@@ -106,9 +106,7 @@ class Specimen(Stateful):
         )  # fmt: skip
         self.contact = Contact(mesh, mesh.x, self.walls, grains, settings)
         kinematic = self.contact.layers.kinematic
-        own = self.contact.own
-        label = mesh.labels[own.grain_of_node]
-        self.bonded = Bonded(self.comm, self.walls, own.nodes, label, mesh.x)
+        self.bonded = Bonded(mesh, self.walls, self.contact.own.nodes)
         self.mirrors = Mirrors(
             self.comm, self.walls, mesh.x, self.bonded.nodes, self.rigid.lists.nodes, kinematic
         )
@@ -130,12 +128,14 @@ class Specimen(Stateful):
             self.add_term(Gravity(mesh, weight, gravity, self.rigid))
 
     def _begin_motion(self, velocity):
-        """Initial velocities, and those that tools are told. Local."""
+        """Initial velocities, and those that are told. Local."""
         if velocity is not None:
             self.state.v[:] = velocity
             self.rigid.set_velocity(self.state.v)
             self.mirrors.project(self.state.v)
-        self.lead_tools(0.0)
+            self.state.v[self.bonded.nodes] = 0.0
+        for constraint in self.constraints:
+            constraint.lead(0.0, 0.0)
 
     def add_term(self, term):
         """Let a force of one's own act, before constraints take what they hold. Collective.
@@ -202,6 +202,11 @@ class Specimen(Stateful):
         }
 
     @property
+    def constraints(self):
+        """Of the terms the last ones, :class:`~mufe_fenicsx.state.Constraint`."""
+        return tuple(term for term in self.terms if isinstance(term, Constraint))
+
+    @property
     def added_terms(self):
         """Forces beside those of bulk, contact and constraints."""
         return [term for term in self.terms if term.name]
@@ -256,22 +261,6 @@ class Specimen(Stateful):
         except Exception as error:
             name_failure(term, self.comm, error)
             raise
-
-    def lead_tools(self, dt):
-        """Give tools their told motion of the step of ``dt`` [s] that comes. Local.
-
-        Returns:
-            Largest speed of a place of one by that motion [m/s], a bound.
-        """
-        return self.tools.lead(self.state.t, dt) if self.tools.any else 0.0
-
-    def move_walls(self, dt):
-        """Walls and what is glued to them go on by ``dt`` [s]; largest motion of a wall [m]."""
-        s = self.state
-        moved = self.walls.move(dt)
-        self.walls.add_work()
-        self.bonded.move(s.x, s.u, s.v, self.mesh.x, dt)
-        return moved
 
     def take_masses(self):
         """Follow a change of the nodal masses. Local."""

@@ -79,6 +79,9 @@ class State(Stateful):
     deviator: np.ndarray  #: J times that of Cauchy stress [Pa], xx yy zz xy yz xz, (num_cells, 6)
     plastic_strain: np.ndarray  #: equivalent plastic strain, shape (num_cells,)
     plastic_work: np.ndarray  #: plastic work of tetrahedra, without dents [J], shape (num_cells,)
+    #: Between two steps: v is that of the middle of the last one, a that of the one before, and
+    #: nodes of rigid grains may be left behind.
+    halfway: bool = False
 
 
 def initial_state(x, num_cells, u=None, v=None):
@@ -176,3 +179,54 @@ class ForceTerm(Stateful):
 
     def load_tables(self, tables):
         """Become what :meth:`tables` told, with the rows of this rank's grains. Collective."""
+
+
+class Constraint(ForceTerm):
+    """Nodes that do not move as their forces and masses have it.
+
+    Time steps move all other nodes, and ask each constraint in turn for what is its own; increments
+    ask where its nodes go. What a constraint has not is left to these defaults.
+    """
+
+    any = False  #: whether some rank has such nodes
+
+    def lead(self, t, dt):
+        """Take up the motion that is told for the step from ``t`` to ``t + dt`` [s]. Local.
+
+        Returns:
+            Largest speed of a place by it [m/s], a bound.
+        """
+        return 0.0
+
+    def drift(self, state, dt, damping, moves, field):
+        """First half of a kick, and the motion over a step, after walls and other nodes. Local.
+
+        Args:
+            state: :class:`State` whose nodes are moved.
+            dt: Length of the step [s].
+            damping: [1/s].
+            moves, field: Of the grains, as in kernels.bulk.motion: moves may grow.
+
+        Returns:
+            Largest distance that a node moved [m], a bound.
+        """
+        return 0.0
+
+    def kick(self, mass, dt, damping):
+        """Second half of a kick, in the reverse order of constraints. Local.
+
+        Args:
+            mass: Nodal masses [kg], shape (num_nodes,).
+            dt, damping: As of :meth:`drift`.
+
+        Returns:
+            Energy that the damping took in the step [J], less what other nodes count of it.
+        """
+        return 0.0
+
+    def complete(self, state):
+        """Bring positions and velocities of all nodes to the end of the last step. Local."""
+
+    def kinetic_energy(self, dt, damping):
+        """Kinetic energy [J] beside that of other nodes, as kernels.bulk.energy has it. Local."""
+        return 0.0

@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..kernels.bulk import rigid as kernels
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid, ToolSolid
-from ..state import ForceTerm
+from ..state import Constraint
 from .mass_properties import mass_properties, point_properties, quaternion_of
 from .rigid_nodes import list_nodes
 
@@ -28,7 +28,7 @@ class _Followed(NamedTuple):
     reach: np.ndarray  #: of the farthest node of each grain from its centre [m]
 
 
-class RigidGrains(ForceTerm):
+class RigidGrains(Constraint):
     """Motion of the rigid grains of one rank; the state's nodes follow it.
 
     At each step only those nodes do that contact reads, see :meth:`follow`, and only their
@@ -49,7 +49,6 @@ class RigidGrains(ForceTerm):
             "mass", "inertia", "centre", "turn", "axes", "radius", "velocity", "momentum", "spin",
             "force", "torque",
         ),
-        "largest": ("moved",),
     }  # fmt: skip
 
     def __init__(self, mesh, materials, node_mass, mass_factor=None):
@@ -96,7 +95,6 @@ class RigidGrains(ForceTerm):
             self.place[slice(*self.lists.offset[b : b + 2])] = x @ self.axes[b]
         self.velocity, self.momentum, self.spin, self.force, self.torque = np.zeros((5, n, 3))
         self._followed = None
-        self.moved = 0.0  #: bound of the distance that a node moved in the last step [m]
 
     def state_dict(self):
         """Places of the nodes in their grains too, and which follow at each step."""
@@ -106,17 +104,15 @@ class RigidGrains(ForceTerm):
         place, followed = np.zeros((self.mesh.num_nodes, 3)), np.zeros(self.mesh.num_nodes, bool)
         place[self.lists.nodes] = self.place
         followed[self.followed.nodes if self.chosen else self.lists.surface] = True
-        kept["largest"]["chosen"] = self.chosen
-        return kept | {"nodes": {"place": place, "followed": followed}}
+        nodes = {"place": place, "followed": followed}
+        return kept | {"largest": {"chosen": self.chosen}, "nodes": nodes}
 
     def load_state_dict(self, kept):
         """Become what :meth:`state_dict` told."""
-        largest = dict(kept.get("largest", {}))
-        chosen = largest.pop("chosen", False)
-        super().load_state_dict({"rigid": kept["rigid"], "largest": largest})
+        super().load_state_dict({"rigid": kept["rigid"]})
         if self.any:
             self.place[:] = kept["nodes"]["place"][self.lists.nodes]
-            if chosen:
+            if kept["largest"]["chosen"]:
                 self.follow(kept["nodes"]["followed"])
 
     @property
@@ -193,10 +189,10 @@ class RigidGrains(ForceTerm):
         nodes, offset = self.lists.nodes, self.lists.offset
         kernels.place_nodes(x, u, self.mesh.x, nodes, offset, self.place, self.centre, self.axes)
 
-    def complete(self, x, u, v):
+    def complete(self, state):
         """Bring positions, displacements and velocities of all nodes up to date. Local."""
-        self.place_all(x, u)
-        self._give_velocities(v, x)
+        self.place_all(state.x, state.u)
+        self._give_velocities(state.v, state.x)
 
     def _give_velocities(self, v, x):
         """Velocities of all nodes at the positions ``x``."""
@@ -231,24 +227,25 @@ class RigidGrains(ForceTerm):
             self.velocity[b] = part @ w.mean(axis=1) / self.mass[b]
             turning = np.cross(r, w).sum(axis=1) + np.cross(r.sum(axis=1), w.sum(axis=1))
             self.momentum[b] = part @ turning / 20
-        self.kick(0.0, 0.0)
+        self.kick(None, 0.0, 0.0)
         self._give_velocities(v, self.mesh.x)
 
     # --- stepping -------------------------------------------------------------------------
 
-    def drift(self, x, u, dt, damping):
+    def drift(self, state, dt, damping, moves, field):
         """Half a kick, then the motion over a step ``dt``; chosen nodes follow. Local."""
         if not self.grains.size:
-            self.moved = 0.0
-            return
+            return 0.0
         near = self.followed
-        self.moved = kernels.kick_and_drift(
+        moved = kernels.kick_and_drift(
             self.centre, self.velocity, self.momentum, self.turn, self.axes, self.force,
             self.torque, self.mass, self.inertia, self.told, near.reach, dt, damping,
         )  # fmt: skip
         kernels.place_nodes(
-            x, u, self.mesh.x, near.nodes, near.offset, near.place, self.centre, self.axes
-        )
+            state.x, state.u, self.mesh.x, near.nodes, near.offset, near.place, self.centre,
+            self.axes,
+        )  # fmt: skip
+        return moved
 
     def begin_forces(self, f, state, dt):
         """No forces yet on the nodes that follow. Local."""
@@ -263,12 +260,8 @@ class RigidGrains(ForceTerm):
                 self.force, self.torque, f, state.x, near.nodes, near.offset, self.centre
             )
 
-    def kick(self, dt, damping):
-        """Half a kick at the end of a step. Local.
-
-        Returns:
-            Energy that the damping took [J].
-        """
+    def kick(self, mass, dt, damping):
+        """Half a kick at the end of a step; the energy that the damping took [J]. Local."""
         if not self.grains.size:
             return 0.0
         return kernels.kick(

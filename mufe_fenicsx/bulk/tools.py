@@ -26,7 +26,7 @@ from ..errors import InputError, finite_array, raise_together, shortened, shown
 from ..kernels.bulk import tools as kernels
 from ..kernels.geometry.topology import body_defect
 from ..materials.rigid import ToolSolid
-from ..state import ForceTerm
+from ..state import Constraint
 from .rigid import RigidGrains
 
 #: Degrees of freedom in the order of all arrays.
@@ -166,7 +166,7 @@ class Tool:
         return ToolSolid(E, nu, self.density, told=self.told, point=point)
 
 
-class Tools(ForceTerm):
+class Tools(Constraint):
     """Motion of tools, loads on them, and the work of what moves them. Collective.
 
     A tool belongs to one rank, as a grain does.
@@ -270,11 +270,7 @@ class Tools(ForceTerm):
     # --- stepping -------------------------------------------------------------------------
 
     def lead(self, t, dt):
-        """Give the tools their told motion of the step from ``t`` to ``t + dt`` [s]. Local.
-
-        Returns:
-            Largest speed of a place of one by that motion [m/s], a bound.
-        """
+        """Give the tools their told motion of the step from ``t`` to ``t + dt`` [s]. Local."""
         r = self.rigid
         if self._changes(t):
             self._follow_change(t, dt)
@@ -286,6 +282,16 @@ class Tools(ForceTerm):
         return kernels.tell_motion(
             r.velocity, r.momentum, self.rows, r.told, self.rates, r.inertia, r.followed.reach
         )
+
+    def drift(self, state, dt, damping, moves, field):
+        """The work of the loads of before, now that rigid grains have moved. Local."""
+        self.add_work(dt)
+        return 0.0
+
+    def kick(self, mass, dt, damping):
+        """The work of the loads at the end of the step. Local."""
+        self.add_work(dt)
+        return 0.0
 
     def add_work(self, dt):
         """Add half of the work of a step of ``dt`` [s] by the loads that act now. Local."""

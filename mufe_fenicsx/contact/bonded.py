@@ -10,7 +10,7 @@ from ..kernels.bulk.bonded import (
     squares_of_bonded,
     take_bonded,
 )
-from ..state import ForceTerm
+from ..state import Constraint
 
 #: A node lies on a plane within this part of the width of a rank's grains.
 TOLERANCE = 1e-9
@@ -44,7 +44,7 @@ def on_wall(x, wall):
     return np.abs(wall.gap(x)) <= TOLERANCE * width
 
 
-class Bonded(ForceTerm):
+class Bonded(Constraint):
     """The glued nodes of this rank.
 
     Their motion is that of the wall, in tension, compression and shear; what the
@@ -52,11 +52,9 @@ class Bonded(ForceTerm):
     out of the kinetic energy, of the damping and of the wall's force.
 
     Args:
-        comm: MPI communicator.
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
         nodes: Mesh nodes on the surface, shape (num_surface_nodes,).
-        label: Labels of their grains, shape (num_surface_nodes,).
-        x: Reference positions of the mesh nodes [m], shape (num_nodes, 3).
 
     Attributes:
         force: Of the glued nodes of this rank on each wall [N], shape (num_walls, 3); what is in
@@ -69,19 +67,20 @@ class Bonded(ForceTerm):
 
     STATE = {"sum": ("force",)}
 
-    def __init__(self, comm, walls, nodes, label, x):
-        self.walls, wall_of_node = walls, walls.bonded
+    def __init__(self, mesh, walls, nodes):
+        self.mesh, self.walls, wall_of_node = mesh, walls, walls.bonded
         on = np.flatnonzero(wall_of_node >= 0)
         self.nodes, self.wall = nodes[on], wall_of_node[on]
-        self.place = x[self.nodes] - walls.point[self.wall]
-        self.before, self._num_nodes = x[self.nodes].copy(), len(x)
+        self.before = mesh.x[self.nodes]
+        self.place = self.before - walls.point[self.wall]
         self.velocity = np.zeros_like(self.place)
         self.force = np.zeros_like(walls.force)
         glued = [wall for wall in walls.walls if wall.bonded]
         self.any = bool(glued)  #: whether any rank may have glued nodes
-        lying = [glued_to(x[nodes], label, wall) for wall in glued]
+        label = mesh.labels[mesh.grains[mesh.grain_of_node[nodes]]]
+        lying = [glued_to(mesh.x[nodes], label, wall) for wall in glued]
         count = np.array([on.sum() for on in lying] + [(np.sum(lying, axis=0) > 1).sum()])
-        *counts, num_twice = comm.allreduce(count)
+        *counts, num_twice = mesh.comm.allreduce(count)
         for wall, number in zip(glued, counts, strict=True):
             if number < 3:
                 raise InputError(
@@ -98,7 +97,7 @@ class Bonded(ForceTerm):
         """Forces on walls, and where glued nodes were, as rows of all nodes. Local."""
         if not self.any:
             return {}
-        before = np.zeros((self._num_nodes, 3))
+        before = np.zeros((self.mesh.num_nodes, 3))
         before[self.nodes] = self.before
         return super().state_dict() | {"nodes": {"before": before}}
 
@@ -115,54 +114,36 @@ class Bonded(ForceTerm):
         free[self.nodes] = 0.0
         return free
 
-    def move(self, x, u, v, x0, dt):
-        """Positions, displacements and mid-step velocities of glued nodes after the walls moved.
-
-        Arrays as in :class:`~mufe_fenicsx.state.State`; ``x0`` are the reference positions.
-        """
-        if self.nodes.size == 0:
-            return
+    def drift(self, state, dt, damping, moves, field):
+        """Carry the nodes along with their walls; their velocity is that of the step. Local."""
+        if not self.nodes.size:
+            return 0.0
         place_bonded(
-            x, u, v, self.velocity, self.before, x0, self.nodes, self.wall, self.place,
-            self.walls.point, self.walls.rotation, dt,
+            state.x, state.u, state.v, self.velocity, self.before, self.mesh.x, self.nodes,
+            self.wall, self.place, self.walls.point, self.walls.rotation, dt,
         )  # fmt: skip
+        return largest_of_bonded(
+            moves, state.x, self.velocity, self.nodes, self.mesh.grain_of_node, field, dt
+        )
 
     def add_forces(self, f, state, dt):
-        """Pass the forces ``f`` on glued nodes on to their walls. Local.
-
-        Force and velocity of these nodes are zero afterwards, so that kick and damping
-        pass them by; :meth:`give_velocity` brings the velocity back.
-        """
+        """Pass the forces ``f`` on the nodes on to their walls: the kick passes them by. Local."""
         if self.nodes.size:
             self.force[:] = self.walls.force
             take_bonded(
-                f, state.v, self.walls.force, self.walls.torque, state.x, self.nodes, self.wall,
+                f, self.walls.force, self.walls.torque, state.x, self.nodes, self.wall,
                 self.walls.point,
             )  # fmt: skip
             np.subtract(self.walls.force, self.force, out=self.force)
 
-    def give_velocity(self, v):
-        """Velocity of the glued nodes in the last step, into ``v``. Local."""
-        if self.nodes.size:
-            give_rows(v, self.velocity, self.nodes)
-
-    def take_velocity(self, v):
-        """None of the glued nodes, in ``v``: kick and damping pass them by. Local."""
-        if self.nodes.size:
-            v[self.nodes] = 0.0
-
-    def damped(self, mass, dt, damping):
-        """What damping would take of the glued nodes, at their velocity, in a step [J]. Local."""
+    def kick(self, mass, dt, damping):
+        """Nothing is damped; what other nodes count of it, at the velocity of the step. Local."""
         if not self.nodes.size or damping == 0.0:
             return 0.0
         scale = 1.0 / (1.0 + 0.5 * dt * damping)
-        return dt * damping * scale**2 * squares_of_bonded(mass, self.velocity, self.nodes)
+        return -dt * damping * scale**2 * squares_of_bonded(mass, self.velocity, self.nodes)
 
-    def largest_motion(self, moves, x, grain_of_node, field, dt):
-        """Largest motion of a glued node in the step to ``x`` [m]. Local.
-
-        That of each grain beside a field goes into ``moves``; arguments as of kernels.bulk.motion.
-        """
-        if not self.nodes.size:
-            return 0.0
-        return largest_of_bonded(moves, x, self.velocity, self.nodes, grain_of_node, field, dt)
+    def complete(self, state):
+        """Velocity of the nodes in the last step. Local."""
+        if self.nodes.size:
+            give_rows(state.v, self.velocity, self.nodes)

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from ..errors import InputError
 from ..kernels.bulk.bonded import take_normal
-from ..state import ForceTerm
+from ..state import Constraint
 from .bonded import on_wall
 
 
@@ -66,7 +66,7 @@ def check_mirrors(comm, walls, x):
                 )
 
 
-class Mirrors(ForceTerm):
+class Mirrors(Constraint):
     """The nodes of this rank that lie on mirrors. Collective when made.
 
     Glued nodes are left to the wall that they are glued to.

@@ -85,6 +85,8 @@ class Simulation(OfSpecimen):
         specimen.terms.insert(0, self.contact_term)
         s, soft = self.state, specimen.rigid.lists.soft
         s.a[soft] = (specimen.f / specimen.solid.mass[:, None])[soft]
+        for constraint in specimen.constraints:
+            constraint.complete(s)
         self.update_time_step()
         specimen.initial_kinetic = self.kinetic_energy()
 
@@ -115,8 +117,7 @@ class Simulation(OfSpecimen):
 
         Args:
             everywhere: Bring all nodes up to date, by :meth:`complete`. Without, a step costs
-                less; it leaves velocities at its middle, accelerations as they were, and of rigid
-                grains the nodes that contact does not read where they were.
+                less, and leaves the state halfway.
         """
         if self.watch.num_waiting:
             self._release_loaded()
@@ -133,17 +134,16 @@ class Simulation(OfSpecimen):
                 self.update_time_step(of_elements=of_elements)
         if (self.dt, self.damping) != (self.state.dt, self.motion.damping):
             self.specimen.initial_kinetic += self.motion.begin_steps(self.dt, self.damping)
-        self.motion.may_wait = not everywhere
         central_difference(self.state, self.dt, self.motion.drift, self._forces, self.motion.kick)
         if everywhere:
             self.complete()
 
     def complete(self) -> None:
-        """Bring all nodes up to date, after steps that did not. Local."""
+        """Bring a state that is halfway to the end of its step. Local."""
         self.motion.complete()
 
     def kinetic_energy(self):
-        """Kinetic energy of this rank's grains [J]. Local."""
+        """Kinetic energy of this rank's grains [J], at the end of the step. Local."""
         return self.motion.kinetic_energy()
 
     def energy_of_touch(self):
@@ -156,14 +156,10 @@ class Simulation(OfSpecimen):
         return 0.5 * self.mass_of_grains() * fastest**2
 
     def _forces(self, dt):
-        self.motion.move_walls(dt)
         try:
             self.specimen.add_forces(dt)
         except FloatingPointError:
             self.check(diverged=True)
-        self.walls.add_work()
-        if self.specimen.tools.any:
-            self.specimen.tools.add_work(dt)
         if self.walls.has_servo:
             self.walls.adjust(self.comm, dt)
 
@@ -178,7 +174,6 @@ class Simulation(OfSpecimen):
         if not which.any():
             return
         s, before = self.state, self.kinetic_energy()
-        self.complete()
         s.a[rigid.lists.nodes[np.repeat(which, np.diff(rigid.lists.offset))]] = 0.0
         near = rigid.followed  # other nodes carry no force
         nodes = near.nodes[np.repeat(which, np.diff(near.offset))]
@@ -222,7 +217,6 @@ class Simulation(OfSpecimen):
                 another one; on all ranks.
         """
         finite = math.isfinite(self.kinetic_energy()) and not diverged
-        self.complete()
         return self.specimen.check(finite)
 
     # --- time step ------------------------------------------------------------------------

@@ -20,6 +20,7 @@ Its work counts as damping.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -327,7 +328,7 @@ class ImplicitSimulation(OfSpecimen):
 
     def _begin(self, dt):
         """Keep the state, and move walls and what is prescribed."""
-        s, walls = self.state, self.walls
+        walls = self.walls
         equations = self.equations
         equations.begin(IncrementStart(self.specimen), dt)
         equations.wall_move = walls.move(dt)
@@ -335,34 +336,32 @@ class ImplicitSimulation(OfSpecimen):
         equations.mark = ContactMark(self.contact)
         walls.add_work()
         equations.reach = self.contact.motion.searched_at + self.contact.motion.skin
-        led = self._lead_tools(dt)
-        if self.specimen.bonded.nodes.size:
-            x, u, v = s.x.copy(), s.u.copy(), s.v.copy()
-            self.specimen.bonded.move(x, u, v, self.mesh.x, dt)
-            self.prescribed[self.specimen.bonded.nodes] = (x - s.x)[self.specimen.bonded.nodes]
-        expected = max(equations.wall_move, led)
+        expected = max(equations.wall_move, self._prescribe(dt))
         if self._last is not None:
             expected = max(expected, float(np.abs(self._last[0]).max()) * dt / self._last[1])
         expected = self.comm.allreduce(expected, op=MPI.MAX)
         if self.contact.motion.bound + 3.0 * expected > equations.reach:
             self._search(4.0 * expected)
 
-    def _lead_tools(self, dt):
-        """Tools go on by ``dt`` [s], and what is prescribed with them; how far at most [m]. Local.
+    def _prescribe(self, dt):
+        """Where nodes of constraints go in ``dt`` [s]; how far at most [m]. Local.
 
         Nodes have to go there with those of the grains: contact pairs see both move.
         """
         specimen, s = self.specimen, self.state
-        if not specimen.tools.any:
+        constraints = specimen.constraints
+        if not constraints:
             return 0.0
-        rigid, nodes = specimen.rigid, specimen.rigid.lists.nodes
-        specimen.lead_tools(dt)
-        x, u = s.x.copy(), s.u.copy()
-        rigid.drift(x, u, dt, 0.0)
-        rigid.place_all(x, u)
-        self.prescribed[nodes] = (x - s.x)[nodes]
-        specimen.tools.add_work(dt)
-        return rigid.moved
+        there, farthest = replace(s, x=s.x.copy(), u=s.u.copy(), v=s.v.copy()), 0.0
+        moves, field = np.zeros(self.mesh.num_grains), np.zeros((4, 3))
+        for constraint in constraints:
+            constraint.lead(s.t, dt)
+        for constraint in constraints:
+            farthest = max(farthest, constraint.drift(there, dt, 0.0, moves, field))
+            constraint.complete(there)
+        for nodes in (specimen.bonded.nodes, specimen.rigid.lists.nodes):
+            self.prescribed[nodes] = (there.x - s.x)[nodes]
+        return farthest
 
     def _search(self, ahead):
         """Pairs anew at the start of the increment, for motions of ``ahead`` [m]."""

@@ -9,6 +9,7 @@ from mufe_fenicsx.kernels.build.native import load
 from mufe_fenicsx.kernels.bulk import kick_drift
 from mufe_fenicsx.kernels.bulk.kick_drift import KickAndDrift
 from mufe_fenicsx.kernels.bulk.motion import accelerate_and_half_kick, half_kick_and_drift
+from mufe_fenicsx.state import Constraint
 from tests.contact.test_contact import collision
 
 FOUR_LANES = pytest.param(
@@ -84,3 +85,38 @@ def test_steps_that_leave_nodes_behind_bring_the_same_bits(friction, damping):
     assert all(map(np.array_equal, one[0], two[0]))
     assert one[1:] == two[1:]
     assert one[1]["contact"] > 0.0 and one[2] > 1
+
+
+class Asked(Constraint):
+    """A constraint that notes what it is asked for."""
+
+    def __init__(self, number, asked):
+        self._number, self._asked = number, asked
+
+    def drift(self, state, dt, damping, moves, field):
+        self._asked.append(("drift", self._number))
+        return 0.0
+
+    def kick(self, mass, dt, damping):
+        self._asked.append(("kick", self._number))
+        return 3.0
+
+    def complete(self, state):
+        self._asked.append(("complete", self._number))
+
+    def kinetic_energy(self, dt, damping):
+        return 5.0
+
+
+def test_constraints_are_asked_in_turn_and_back():
+    """A step leaves the state halfway; one door brings it to the end, once."""
+    s, asked = collision(friction=0.0), []
+    before = s.kinetic_energy()
+    s.motion.constraints += Asked(1, asked), Asked(2, asked)
+    assert s.kinetic_energy() == before + 10.0 and not asked
+    s.step(everywhere=False)
+    assert asked == [("drift", 1), ("drift", 2), ("kick", 2), ("kick", 1)]
+    assert s.state.halfway and s.specimen.damped == 0.5 * 6.0  # a trapezium from none
+    for _ in range(2):
+        s.complete()
+        assert asked[4:] == [("complete", 1), ("complete", 2)] and not s.state.halfway

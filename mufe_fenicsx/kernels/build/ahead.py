@@ -55,7 +55,6 @@ LOOPS = {
     "edge_search.find_edge_pairs": "d2 i2 i1 l d d1 d l*3 l1 i1",
     # After the set-up.
     "energy.kinetic_energy": "d2 d2 d d d1 l2",
-    "rigid.kinetic_energies": "d1 d2 d2 d2 d2 d3 d1 d2 b2 d d",
     "energy.elastic_energy": "d1 d2 d2 i2 d1 l1 l1 i1 l1 d1 d1 d1 d1 d1 l",
     "neo_hooke.add_neo_hookean_energy": "d1 d2 d2 i2 d1 l1 l1 d1",
     "motion.half_kick_and_drift": "d2 d2 d2 d2 d2 d2 l2 d d d2 d1",

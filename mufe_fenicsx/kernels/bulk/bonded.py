@@ -44,11 +44,11 @@ def give_rows(v, values, node):
 
 
 @numba.njit(cache=True)
-def take_bonded(f, v, wall_force, wall_torque, x, node, wall, point):
-    """Pass the forces ``f`` on bonded nodes on to their walls, and clear forces and velocities.
+def take_bonded(f, wall_force, wall_torque, x, node, wall, point):
+    """Pass the forces ``f`` on bonded nodes on to their walls, and clear them.
 
     Args:
-        f, v: Forces on nodes [N] and their velocities [m/s], shape (num_nodes, 3).
+        f: Forces on nodes [N], shape (num_nodes, 3).
         wall_force: Forces on walls [N], shape (num_walls, 3).
         wall_torque: Their torques about ``point`` [N m], shape (num_walls, 3).
         x, node, wall, point: As in :func:`place_bonded`.
@@ -64,7 +64,6 @@ def take_bonded(f, v, wall_force, wall_torque, x, node, wall, point):
         wall_torque[w, 1] += rz * fx - rx * fz
         wall_torque[w, 2] += rx * fy - ry * fx
         f[n, 0] = f[n, 1] = f[n, 2] = 0.0
-        v[n, 0] = v[n, 1] = v[n, 2] = 0.0
 
 
 @numba.njit(cache=True)
