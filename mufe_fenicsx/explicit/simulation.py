@@ -135,6 +135,8 @@ class Simulation(OfSpecimen):
         if (self.dt, self.damping) != (self.state.dt, self.motion.damping):
             self.specimen.initial_kinetic += self.motion.begin_steps(self.dt, self.damping)
         central_difference(self.state, self.dt, self.motion.drift, self._forces, self.motion.kick)
+        if self.walls.has_servo:
+            self.walls.adjust(self.comm, self.dt)
         if everywhere:
             self.complete()
 
@@ -160,8 +162,6 @@ class Simulation(OfSpecimen):
             self.specimen.add_forces(dt)
         except FloatingPointError:
             self.check(diverged=True)
-        if self.walls.has_servo:
-            self.walls.adjust(self.comm, dt)
 
     def _release_loaded(self):
         """Let grains deform that carry more than they may as rigid ones. Local.
