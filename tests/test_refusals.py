@@ -366,9 +366,9 @@ CASES = {
         FIRST, check_origin, says="contact.friction = 0.4, was 0.3"),
     "run/resume_check.py check_results": Case(
         FIRST, check_results, "run.resume_check.lost_results", ([WRONG], 0.1, None)),
-    "run/run.py _prepare": Case(
-        FIRST, resumed_run, "run.run.check_inside", ERROR),
-    "run/run.py TestRun._restore": Case(LAST, resumed_run, "run.run.wrong_number", WRONG),
+    "run/preparation.py find_start": Case(
+        FIRST, resumed_run, "run.preparation.check_inside", ERROR),
+    "run/restart.py restore_test": Case(LAST, resumed_run, "run.restart.wrong_number", WRONG),
     "run/run.py TestRun.run": Case(FIRST, new_run, "run.run.write_run_json", ERROR),
     "output/checkpoint.py CheckpointWriter.check_room": Case(
         FIRST, new_run, "output.checkpoint._free_room", ERROR),

@@ -19,7 +19,8 @@ from ..geometry.atomic_output import new_files
 from ..geometry.measure import tet_volumes
 from ..materials.elastic import Elastic
 from ..materials.j2 import FAR, J2
-from ..run.from_scene import find_bounds, load_mesh, make_walls, separate_surfaces
+from ..run.from_scene import load_mesh, separate_surfaces
+from ..run.preparation import Prepared
 from .deck import UNITS, Deck, Grain, Material, Pair, Plane, Step, write_deck
 from .touching import surfaces_of, touching_grains, touching_planes
 
@@ -76,8 +77,8 @@ def export_calculix(
     labels = mesh.labels[mesh.grains]
     materials = [_material(m) for m in scene.materials_of(labels, mesh.labels)]
     apart = separate_surfaces(mesh, scene.sample)
-    bounds = find_bounds(scene, mesh)
-    travel = scene.oedometer.strain * bounds.height
+    prepared = Prepared.of(scene, mesh)
+    travel = scene.oedometer.strain * prepared.bounds.height
     surfaces = surfaces_of(
         mesh.x,
         mesh.facets,
@@ -89,12 +90,11 @@ def export_calculix(
         reach = travel + 2 * math.sqrt(surfaces.area.mean())
     bodies = _bodies(mesh, materials, scene, procedure)
     step = _step(scene, travel, procedure)
-    walls = make_walls(scene, bounds)
-    planes = [_plane(wall, bounds, scene, step) for wall in walls]
+    planes = [_plane(wall, prepared.bounds, scene, step) for wall in prepared.walls]
     near = min(travel, reach)
     pairs = _grain_pairs(scene.friction_of(mesh.labels), surfaces, materials, bodies, reach, near)
     num_grain_pairs = len(pairs)
-    for plane, wall in zip(planes, walls, strict=True):
+    for plane, wall in zip(planes, prepared.walls, strict=True):
         pairs += _wall_pairs(plane, wall, surfaces, materials, bodies, reach, near)
     notes = _notes(scene, procedure, apart)
     deck = Deck(scene.title or path.stem, bodies, planes, pairs, step, units, notes)

@@ -22,12 +22,12 @@ from ..loading.quasi_static import AIM
 from ..loading.stages import SETTLED
 from ..machine.memory import peak_memory
 from ..run.from_scene import (
-    find_bounds,
     load_mesh,
     make_membrane,
     make_simulation,
     sleeve_of,
 )
+from ..run.preparation import Prepared
 from ..run.rebalance import PAIR_COSTS
 from ..run.scene_tools import check_sizes, make_tools
 from .contacts import closing_points
@@ -165,10 +165,10 @@ def _set_up(scene, grains_folder, comm):
     check_sizes(mesh, tools)
     if sample.separation:
         separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
-    bounds = find_bounds(scene, mesh)
-    simulation = make_simulation(scene, mesh, bounds, tools=tools)
-    make_membrane(scene, simulation, bounds)
-    return simulation, bounds
+    prepared = Prepared.of(scene, mesh, tools)
+    simulation = make_simulation(scene, prepared)
+    make_membrane(scene, simulation, prepared.bounds)
+    return simulation, prepared.bounds
 
 
 def _timed(comm, function, clock):

@@ -1,5 +1,6 @@
 """From a scene file and grains on disk to the simulation of a test."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +15,11 @@ from ..geometry.bodies.sleeve import sleeve_around
 from ..geometry.grains import load_grains, read_grain_table
 from ..loading.measures import MembraneMeasures
 from ..loading.membrane import Membrane
+from ..loading.oedometer import OedometerLoading
+from ..loading.stages import StagedLoading
 from ..mesh import create_grain_mesh, partition_grains
 from ..output.run_folder import on_first_rank
+from .seating import hold_of
 
 #: Part of the radius by which grains may reach through a cylinder that the scene states.
 OUTSIDE = 1e-6
@@ -262,17 +266,15 @@ def _middle_of_smallest_circle(places):
     return middle + size * found.x[:2]
 
 
-def make_simulation(scene, mesh, bounds, shorter=1.0, tools=()):
+def make_simulation(scene, prepared, shorter=1.0):
     """The :class:`Simulation` of a scene at its start. Collective.
 
     Args:
         scene: :class:`~mufe_fenicsx.scene.Scene`.
-        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
-        bounds: :class:`~mufe_fenicsx.container.Bounds` of its walls.
+        prepared: :class:`~.preparation.Prepared`.
         shorter: The scene's time step times this.
-        tools: All :class:`~mufe_fenicsx.bulk.tools.Tool`, those of the mesh.
     """
-    contact, solver = scene.contact, scene.solver
+    contact, solver, mesh = scene.contact, scene.solver, prepared.mesh
     make = Simulation
     more = {
         "assembled": solver.time_step == "assembled",
@@ -283,11 +285,11 @@ def make_simulation(scene, mesh, bounds, shorter=1.0, tools=()):
         # A tenth of a second that others need not wait.
         from ..implicit.simulation import ImplicitSimulation
 
-        make, more = ImplicitSimulation, _increments(scene, bounds.height, shorter)
+        make, more = ImplicitSimulation, _increments(scene, prepared.bounds.height, shorter)
     return make(
         mesh,
         materials_of(scene, mesh),
-        make_walls(scene, bounds, mesh.labels_of_sleeves),
+        [copy(wall) for wall in prepared.walls],  # whose targets may change
         **more,
         friction=scene.friction_of(mesh.labels[: mesh.first_tool], len(mesh.sleeves)),
         friction_kinetic=contact.friction_kinetic,
@@ -298,7 +300,30 @@ def make_simulation(scene, mesh, bounds, shorter=1.0, tools=()):
         element=solver.element,
         damping=solver.damping,
         gravity=scene.gravity,
-        tools=tools,
+        tools=prepared.tools,
+    )
+
+
+def make_loading(scene, simulation, area, measures=None):
+    """What moves the walls of a simulation, at its start. Collective.
+
+    Args:
+        scene, simulation: The scene, and what was made of it.
+        area: Of the sample across the axis [m²].
+        measures: Of what surrounds the sample, of loading.measures; None: of its walls.
+    """
+    oedometer = scene.oedometer
+    if oedometer is None:
+        return StagedLoading(simulation, scene.loading, scene.stages, scene.quasi_static, measures)
+    return OedometerLoading(
+        simulation,
+        oedometer.strain,
+        oedometer.speed,
+        oedometer.ramp,
+        oedometer.seating_stress * area,
+        oedometer.seating_speed,
+        scene.quasi_static,
+        hold_of(simulation, oedometer),
     )
 
 

@@ -29,8 +29,8 @@ class RunPlace:
     def __init__(self, folder, lock, scene_text, grains_folder, options):
         self.folder, self.lock, self.comm = folder, lock, lock.comm
         self._scene_text, self._options = scene_text, options
-        is_folder = grains_folder.is_dir()
-        self._tables = grains_folder if is_folder else grains_folder.parent
+        self.grains_folder = grains_folder
+        self._tables = grains_folder if grains_folder.is_dir() else grains_folder.parent
         self._made = None  #: folders that were made, in that of a new run
 
     def open(self):

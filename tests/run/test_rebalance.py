@@ -76,7 +76,8 @@ def test_moving_grains_changes_nothing_but_the_last_digits(folder, monkeypatch):
 
 @pytest.mark.mpi
 def test_even_work_stays_where_it_is(folder):
-    from mufe_fenicsx.run.from_scene import find_bounds, load_mesh, make_simulation
+    from mufe_fenicsx.run.from_scene import load_mesh, make_simulation
+    from mufe_fenicsx.run.preparation import Prepared
 
     mesh = load_mesh(COMM, folder / "grains")
     scene = Scene(
@@ -84,7 +85,7 @@ def test_even_work_stays_where_it_is(folder):
         contact=Contact(friction=0.23),
         oedometer=Oedometer(strain=0.01, speed=20.0),
     )
-    simulation = make_simulation(scene, mesh, find_bounds(scene, mesh))
+    simulation = make_simulation(scene, Prepared.of(scene, mesh))
     # Nothing touches: tets alone. Six equal grains on two or three ranks are even.
     assert work_of_grains(simulation).sum() == mesh.num_cells
     assert better_partition(simulation) is None

@@ -21,7 +21,8 @@ from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.run import recorder
 from mufe_fenicsx.run import run as run_module
-from mufe_fenicsx.run.from_scene import load_mesh
+from mufe_fenicsx.run.from_scene import load_mesh, make_simulation
+from mufe_fenicsx.run.preparation import Prepared
 from mufe_fenicsx.run.recorder import Recorder
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Sample, Scene, Solver, load_scene
@@ -226,6 +227,14 @@ def test_grains_that_lie_in_each_other_stop_a_run(tmp_path, monkeypatch):
     told = json.loads((tmp_path / "out/run.json").read_text())
     assert "lie in each other" in told["stop_reason"] and not told["finished"]
     assert len(read_history(tmp_path / "out/history.csv")["time"]) > 0
+
+
+def test_what_begins_anew_has_the_walls_of_the_start(grains):
+    """Their targets change in a test that holds its seating stress; they are found once."""
+    prepared = Prepared.of(small_scene(), load_mesh(MPI.COMM_WORLD, grains))
+    wall = make_simulation(small_scene(), prepared).walls.walls[0]
+    wall.target = 1.0
+    assert make_simulation(small_scene(), prepared).walls.walls[0].target is None
 
 
 def test_unusable_folders_are_refused_together(folder, grains):

@@ -5,7 +5,8 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.geometry.grains import save_grains
-from mufe_fenicsx.run.from_scene import find_bounds, load_mesh, make_simulation
+from mufe_fenicsx.run.from_scene import load_mesh, make_simulation
+from mufe_fenicsx.run.preparation import Prepared
 from mufe_fenicsx.run.snapshot import restore, snapshot
 from tests.bodies import RADIUS, packed_grains
 from tests.run.test_checkpoint import scene
@@ -67,7 +68,7 @@ def made(tmp_path):
 
     def make():
         mesh = load_mesh(COMM, tmp_path / "grains")
-        simulation = make_simulation(scene(), mesh, find_bounds(scene(), mesh))
+        simulation = make_simulation(scene(), Prepared.of(scene(), mesh))
         simulation.walls.velocity[simulation.walls.names.index("z_max"), 2] = -20.0
         return simulation
 

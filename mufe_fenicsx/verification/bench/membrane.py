@@ -97,13 +97,13 @@ def _test(comm, folder, grains, in_cell):
     from ...geometry.grains import save_grains
     from ...loading.stages import StagedLoading
     from ...run.from_scene import (
-        find_bounds,
         load_mesh,
         make_membrane,
         make_simulation,
         separate_surfaces,
         sleeve_of,
     )
+    from ...run.preparation import Prepared
     from ...run.scene_file import read_scene
     from ...synthetic.starter_scenes import IN_MEMBRANE
 
@@ -119,9 +119,9 @@ def _test(comm, folder, grains, in_cell):
     around = sleeve_of(scene)
     mesh = load_mesh(comm, folder / "grains", around=around)
     separate_surfaces(mesh, scene.sample)
-    bounds = find_bounds(scene, mesh)
-    simulation = make_simulation(scene, mesh, bounds)
-    measures = make_membrane(scene, simulation, bounds)
+    prepared = Prepared.of(scene, mesh)
+    simulation = make_simulation(scene, prepared)
+    measures = make_membrane(scene, simulation, prepared.bounds)
     return simulation, StagedLoading(simulation, scene.loading, scene.stages, None, measures)
 
 

@@ -76,7 +76,8 @@ def demo(comm, *, grains, scene=None):
     from ...contact.separation import separate
     from ...explicit.simulation import Simulation
     from ...run.demo import demo_scene
-    from ...run.from_scene import find_bounds, load_mesh, make_walls
+    from ...run.from_scene import load_mesh
+    from ...run.preparation import Prepared
     from ...run.scene_file import read_scene
 
     scene = read_scene(comm, scene or demo_scene())
@@ -85,7 +86,7 @@ def demo(comm, *, grains, scene=None):
     return Simulation(
         mesh,
         [scene.material] * mesh.num_grains,
-        make_walls(scene, find_bounds(scene, mesh)),
+        Prepared.of(scene, mesh).walls,
         friction=scene.contact.friction,
         friction_kinetic=scene.contact.friction_kinetic,
         compliance=scene.contact.compliance,
@@ -102,19 +103,18 @@ def resumed(comm, *, run):
         run: Run folder with a checkpoint.
     """
     from ...output.checkpoint import find_checkpoint, read_tables
-    from ...run.from_scene import find_bounds, load_mesh, make_simulation
+    from ...run.from_scene import load_mesh, make_simulation
+    from ...run.preparation import Prepared
+    from ...run.restart import partition_of
     from ...run.scene_file import read_scene
     from ...run.snapshot import restore, restore_reference
 
     scene = read_scene(comm, Path(run) / "scene.toml")
     checkpoint = find_checkpoint(comm, Path(run))
-    ranks = None
-    if checkpoint.num_ranks == comm.size:
-        ranks = np.array(checkpoint.header["rank_of_grain"], dtype=np.int32)
-    mesh = load_mesh(comm, scene.sample.grains, ranks)
+    mesh = load_mesh(comm, scene.sample.grains, partition_of(checkpoint, comm))
     kept = read_tables(comm, checkpoint, mesh.grains, mesh.rank_of_grain)
     restore_reference(mesh, kept[0])
-    simulation = make_simulation(scene, mesh, find_bounds(scene, mesh))
+    simulation = make_simulation(scene, Prepared.of(scene, mesh))
     restore(simulation, *kept, checkpoint.header["state"])
     return simulation
 
