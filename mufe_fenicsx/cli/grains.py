@@ -54,7 +54,7 @@ def segment(
         in_scene = in_scene.separated_by(given["separation"])
     settings = merged_settings(SegmentSettings, in_scene, given)
     with Doing("segmenting"):
-        from ..geometry.pipeline import segment_image
+        from ..geometry.segment import segment_image
 
         path = image_path(in_scene.file if image is None else image)
         result = segment_image(path, settings, output, truth=truth, overwrite=overwrite)
@@ -93,7 +93,7 @@ def mesh(
     in_scene = load_scene(scene).mesh if scene is not None else None
     settings = merged_settings(MeshSettings, in_scene, given)
     with progress_bar("meshing") as progress:
-        from ..geometry.pipeline import mesh_labels
+        from ..geometry.mesh import mesh_labels
 
         result = mesh_labels(labels, settings, output, overwrite=overwrite, progress=progress)
     printer.summary(result)

@@ -45,7 +45,7 @@ def member(cache, number, size=SIZE):
         InputError: There is no such member, or a grain could not be meshed: it would be another
             sample.
     """
-    from ..geometry.pipeline import mesh_labels
+    from ..geometry.mesh import mesh_labels
     from ..geometry.settings import MeshSettings
 
     if number not in MEMBERS:
@@ -97,7 +97,7 @@ def _scan(cache):
 def _labels(cache, number, folder):
     """Label image of a member: a corner of that of the largest."""
     from ..geometry.image.label_files import read_labels, write_labels
-    from ..geometry.pipeline import segment_image
+    from ..geometry.segment import segment_image
     from ..scene import load_scene
     from ..synthetic.pipeline import synthesize
     from ..synthetic.settings import SynthesisSettings

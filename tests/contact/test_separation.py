@@ -144,7 +144,7 @@ def test_wider_gaps_than_a_mesh_can_close_are_refused():
 def test_gaps_of_a_label_image_are_closed(tmp_path):
     """Grains from a voxel image: contacts grow many times, elements and time step stay sound."""
     from mufe_fenicsx.bulk.solid import Solid
-    from mufe_fenicsx.geometry.pipeline import mesh_labels
+    from mufe_fenicsx.geometry.mesh import mesh_labels
     from mufe_fenicsx.geometry.settings import MeshSettings
 
     # Four blocks with rounded corners, cut by oblique planes, as voxels.

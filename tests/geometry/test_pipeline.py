@@ -9,12 +9,13 @@ import pytest
 from matplotlib.figure import Figure
 
 from mufe_fenicsx.errors import InputError, Interrupted
-from mufe_fenicsx.geometry import pipeline
 from mufe_fenicsx.geometry.atomic_output import SIGNALS, new_files, new_folder
 from mufe_fenicsx.geometry.grains import load_grains
 from mufe_fenicsx.geometry.image.label_files import read_labels, write_labels
 from mufe_fenicsx.geometry.image.picture import draw_refusal
 from mufe_fenicsx.geometry.image.threshold import NoThreshold, find_threshold
+from mufe_fenicsx.geometry.mesh import mesh_labels
+from mufe_fenicsx.geometry.segment import segment_image
 from mufe_fenicsx.geometry.settings import METHODS, MeshSettings, SegmentSettings
 from mufe_fenicsx.machine import memory
 from tests.geometry.scenes import grey_packing, two_balls
@@ -23,9 +24,7 @@ from tests.geometry.scenes import grey_packing, two_balls
 def test_an_image_becomes_grain_meshes(tmp_path, no_workers):
     np.save(tmp_path / "image.npy", grey_packing())
     labels_path, folder = tmp_path / "labels.tif", tmp_path / "grains"
-    found = pipeline.segment_image(
-        tmp_path / "image.npy", SegmentSettings(voxel_size=1e-5), labels_path
-    )
+    found = segment_image(tmp_path / "image.npy", SegmentSettings(voxel_size=1e-5), labels_path)
     assert found["num_grains"] == 8 and found["dropped_fragments"] == 0
     # Equal phases would part at 120; they are not equal, and voxels are cut by surfaces.
     assert 100 < found["threshold"] < 140
@@ -34,7 +33,7 @@ def test_an_image_becomes_grain_meshes(tmp_path, no_workers):
     assert (tmp_path / "labels.png").stat().st_size > 10_000
 
     calls = []
-    made = pipeline.mesh_labels(
+    made = mesh_labels(
         labels_path,
         MeshSettings(size=4e-5),
         folder,
@@ -65,7 +64,7 @@ def test_results_are_not_overwritten_by_accident(tmp_path):
     write_labels(tmp_path / "labels.tif", two_balls(), 1e-5)
     np.save(tmp_path / "image.npy", grey_packing())
     with pytest.raises(InputError, match=r"labels.tif exists, expected a new file, or --over"):
-        pipeline.segment_image(
+        segment_image(
             tmp_path / "image.npy", SegmentSettings(voxel_size=1e-5), tmp_path / "labels.tif"
         )
     folder = tmp_path / "mine"
@@ -73,7 +72,7 @@ def test_results_are_not_overwritten_by_accident(tmp_path):
     (folder / "notes.txt").write_text("keep me")
     for overwrite, message in ((False, "is not empty"), (True, "holds no grains.h5")):
         with pytest.raises(InputError, match=message):
-            pipeline.mesh_labels(
+            mesh_labels(
                 tmp_path / "labels.tif", MeshSettings(size=3e-5), folder, overwrite=overwrite
             )
     assert (folder / "notes.txt").read_text() == "keep me"
@@ -85,7 +84,7 @@ def test_nothing_is_left_of_a_segmentation_that_failed(tmp_path, image):
         np.save(tmp_path / "image.npy", image)
     before = sorted(tmp_path.iterdir())
     with pytest.raises(InputError):
-        pipeline.segment_image(
+        segment_image(
             tmp_path / "image.npy", SegmentSettings(voxel_size=1e-5), tmp_path / "labels.tif"
         )
     assert sorted(tmp_path.iterdir()) == before
@@ -98,7 +97,7 @@ def test_of_a_threshold_that_is_refused_a_picture_is_left(tmp_path, settings):
     np.save(tmp_path / "image.npy", noise if "threshold" in settings else grey_packing())
     for _ in range(2):  # it is no reason to refuse the next trial
         with pytest.raises(InputError, match=r"; .*labels_threshold.png shows the histogram"):
-            pipeline.segment_image(
+            segment_image(
                 tmp_path / "image.npy",
                 SegmentSettings(voxel_size=1e-5, **settings),
                 tmp_path / "new" / "labels.tif",
@@ -134,9 +133,9 @@ def test_nothing_is_left_when_the_disk_is_full(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     np.save(tmp_path / "image.npy", grey_packing())
-    monkeypatch.setattr(pipeline, "draw_segmentation", full)
+    monkeypatch.setattr("mufe_fenicsx.geometry.segment.draw_segmentation", full)
     with pytest.raises(InputError, match="cannot be written: No space left on device"):
-        pipeline.segment_image(
+        segment_image(
             tmp_path / "image.npy", SegmentSettings(voxel_size=1e-5), tmp_path / "labels.tif"
         )
     assert [p.name for p in tmp_path.iterdir()] == ["image.npy"]
@@ -147,13 +146,13 @@ def test_a_size_that_fits_no_grain_is_refused(tmp_path, monkeypatch, no_workers)
 
     def refused(size, said):
         with pytest.raises(InputError, match=said):
-            pipeline.mesh_labels(
+            mesh_labels(
                 tmp_path / "labels.tif", MeshSettings(size=size, processes=1), tmp_path / "out"
             )
         assert not (tmp_path / "out").exists()
 
     refused(2e-4, r"size = 0.0002 m: none of 2 grains.*too small")
-    monkeypatch.setattr(pipeline, "mesh_grains", None)  # no grain is begun
+    monkeypatch.setattr("mufe_fenicsx.geometry.mesh.mesh_grains", None)  # no grain is begun
     refused(1e-3, r"size = 0.001 m: the largest grain is as a ball of 0.000188 m, exp")
 
 
@@ -162,7 +161,7 @@ def test_a_mesh_that_cannot_end_is_not_begun(tmp_path, voxel_size):
     """Voxels of a millimetre, edges of micrometres: 10^9 tetrahedra and more."""
     write_labels(tmp_path / "labels.tif", two_balls(), voxel_size)
     with pytest.raises(InputError, match=r"size = 1.4e-05 m: a grain of .* m takes .* tetrahedra"):
-        pipeline.mesh_labels(
+        mesh_labels(
             tmp_path / "labels.tif", MeshSettings(size=14e-6, processes=1), tmp_path / "out"
         )
     assert not (tmp_path / "out").exists()
@@ -174,16 +173,16 @@ def test_a_segmentation_larger_than_the_memory_is_not_begun(tmp_path, monkeypatc
     settings = SegmentSettings(voxel_size=1e-5, upsample=2)
     message = r"upsample = 2: to segment 373248 voxels takes .* GB, expected at most the .* GB"
     with pytest.raises(InputError, match=message):
-        pipeline.segment_image(tmp_path / "image.npy", settings, tmp_path / "labels.tif")
+        segment_image(tmp_path / "image.npy", settings, tmp_path / "labels.tif")
     flat = SegmentSettings(voxel_size=(1e-3, 1e-5, 1e-5))
     with pytest.raises(InputError, match=r"voxel_size = .*3600 x 36 x 36 cubes takes"):
-        pipeline.segment_image(tmp_path / "image.npy", flat, tmp_path / "labels.tif")
+        segment_image(tmp_path / "image.npy", flat, tmp_path / "labels.tif")
 
 
 def test_output_below_a_file_is_refused(tmp_path):
     write_labels(tmp_path / "labels.tif", two_balls(), 1e-5)
     with pytest.raises(InputError, match="cannot be written"):
-        pipeline.mesh_labels(
+        mesh_labels(
             tmp_path / "labels.tif", MeshSettings(size=3e-5), tmp_path / "labels.tif" / "out"
         )
 
@@ -237,7 +236,7 @@ def test_settings_out_of_range_are_refused(make, message):
 def test_a_plate_that_became_too_thick_is_told(tmp_path, no_workers, thickness, size):
     """Three voxels, edges as long: a plate of 4.8 voxels, whose volume is right to 0.5 %."""
     np.save(tmp_path / "a.npy", np.pad(np.ones((thickness, 30, 30), dtype=np.int32), 6))
-    made = pipeline.mesh_labels(
+    made = mesh_labels(
         tmp_path / "a.npy", MeshSettings(size=size, voxel_size=1e-5), tmp_path / "grains"
     )
     assert made["volume_ratio"] == pytest.approx(1, abs=0.006)
@@ -249,10 +248,10 @@ def test_a_plate_that_became_too_thick_is_told(tmp_path, no_workers, thickness, 
 def test_true_labels_of_other_voxels_are_told(tmp_path):
     np.save(tmp_path / "image.npy", grey_packing())
     settings = SegmentSettings(voxel_size=1e-5)
-    pipeline.segment_image(tmp_path / "image.npy", settings, tmp_path / "a.tif")
+    segment_image(tmp_path / "image.npy", settings, tmp_path / "a.tif")
     labels, _ = read_labels(tmp_path / "a.tif")
     write_labels(tmp_path / "true.tif", labels, 2e-5)
-    found = pipeline.segment_image(
+    found = segment_image(
         tmp_path / "image.npy", settings, tmp_path / "b.tif", truth=tmp_path / "true.tif"
     )
     assert found["compared"]["matched_share"] == 1.0

@@ -10,7 +10,7 @@ from mufe_fenicsx.geometry.image.field_of_view import field_of_view, filled, pad
 from mufe_fenicsx.geometry.image.image_files import read_image
 from mufe_fenicsx.geometry.image.segmentation import segment
 from mufe_fenicsx.geometry.image.threshold import find_threshold
-from mufe_fenicsx.geometry.pipeline import segment_image
+from mufe_fenicsx.geometry.segment import segment_image
 from mufe_fenicsx.geometry.settings import SegmentSettings
 from tests.geometry.scenes import ball, grey_packing
 

@@ -9,7 +9,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.image.label_files import grain_table, read_labels, write_labels
 from mufe_fenicsx.geometry.image.labels import checked_labels, fill_pores
 from mufe_fenicsx.geometry.image.segmentation import distance_map, distance_to_void, separate_grains
-from mufe_fenicsx.geometry.pipeline import mesh_labels
+from mufe_fenicsx.geometry.mesh import mesh_labels
 from mufe_fenicsx.geometry.settings import MeshSettings, SegmentSettings
 from tests.geometry.scenes import ball, two_balls
 

@@ -11,7 +11,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.image.circles import field_circle, mould_circle
 from mufe_fenicsx.geometry.image.cylinder import Cylinder
 from mufe_fenicsx.geometry.image.label_files import read_labels, stated_cylinder
-from mufe_fenicsx.geometry.pipeline import segment_image
+from mufe_fenicsx.geometry.segment import segment_image
 from mufe_fenicsx.geometry.settings import SegmentSettings
 from tests.geometry.round_scans import balls_in_cylinder, scan_of
 

@@ -8,8 +8,8 @@ import scipy.ndimage
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.image.labels import fill_cavities, largest_piece
+from mufe_fenicsx.geometry.mesh import warnings_of
 from mufe_fenicsx.geometry.pieces import piece_of_cell
-from mufe_fenicsx.geometry.pipeline import warnings_of
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.surface.given_surfaces import read_bodies
 from mufe_fenicsx.geometry.tets.jobs import shared_jobs, surface_jobs, voxel_jobs

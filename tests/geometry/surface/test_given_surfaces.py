@@ -6,7 +6,7 @@ import pytest
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
-from mufe_fenicsx.geometry.pipeline import mesh_labels
+from mufe_fenicsx.geometry.mesh import mesh_labels
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.surface.given_surfaces import read_bodies
 from mufe_fenicsx.geometry.tets.jobs import surface_jobs

@@ -11,7 +11,7 @@ from mufe_fenicsx.geometry.grains import load_grains
 from mufe_fenicsx.geometry.image.cylinder import Cylinder
 from mufe_fenicsx.geometry.image.label_files import write_labels
 from mufe_fenicsx.geometry.image.round_sample import cut_labels
-from mufe_fenicsx.geometry.pipeline import mesh_labels
+from mufe_fenicsx.geometry.mesh import mesh_labels
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.tets.jobs import voxel_jobs
 from mufe_fenicsx.geometry.tets.mesher import mesh_one

@@ -9,7 +9,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.grains import Grains
 from mufe_fenicsx.geometry.measure import boundary_triangles, compact
-from mufe_fenicsx.geometry.pipeline import _given_surfaces
+from mufe_fenicsx.geometry.mesh import _given_surfaces
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.tets.foreign_meshes import FORMATS, export_grains, import_grains
 from tests.bodies import sphere
