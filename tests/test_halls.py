@@ -1,5 +1,7 @@
 """Small halls: signatures, classes and functions of the package stay small enough to read.
 
+A class reaches through another one where it names an attribute of an attribute, ``self.a.b``.
+
 Frozen dataclasses assign nothing to ``self``, so that settings may have as many fields as they
 need. Kernels take arrays, one by one, and are left out.
 """
@@ -15,6 +17,15 @@ PARAMETERS = 10
 ATTRIBUTES = 20
 #: Lines of a function, without its docstring.
 LINES = 60
+#: Different reaches of a class, and of those that have more: they may only come down.
+REACHES = 40
+MORE_REACHES = {
+    "contact/contact.py:Contact": 67,
+    "explicit/simulation.py:Simulation": 49,
+    "implicit/simulation.py:ImplicitSimulation": 50,
+    "loading/stages.py:StagedLoading": 64,
+    "specimen.py:Specimen": 44,
+}
 
 _OPTIONS = "each choice of a chart is an option of `mufe verify`"
 _SCRIPT = "a case reads from top to bottom as a script"
@@ -71,6 +82,18 @@ def num_attributes(cls):
     )
 
 
+def reaches(cls):
+    """Different attributes of attributes, "a.b", that a class names."""
+    return {
+        f"{node.value.attr}.{node.attr}"
+        for node in ast.walk(cls)
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Attribute)
+        and isinstance(node.value.value, ast.Name)
+        and node.value.value.id == "self"
+    }
+
+
 def too_large(source):
     """(name, what is too large) of all functions and classes of a source."""
     for node in ast.walk(ast.parse(source)):
@@ -93,6 +116,29 @@ def test_halls_are_small():
     new = [f"{place}: {', '.join(found[place])}" for place in found if place not in EXCEPTIONS]
     assert not new, "\n".join(new)
     assert not sorted(EXCEPTIONS.keys() - found.keys()), "exceptions that are not needed any more"
+
+
+def num_reaches(source):
+    """{class: number of its reaches} of a source."""
+    classes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef)]
+    return {cls.name: len(reaches(cls)) for cls in classes}
+
+
+def test_classes_reach_through_few_others():
+    """At most the limit, but for the exceptions; each exception is needed."""
+    found = {}
+    for path in sources():
+        for name, number in num_reaches(path.read_text(encoding="utf-8")).items():
+            if number > REACHES:
+                found[f"{path.relative_to(PACKAGE).as_posix()}:{name}"] = number
+    assert not {name: of for name, of in found.items() if of > MORE_REACHES.get(name, REACHES)}
+    assert not sorted(MORE_REACHES.keys() - found.keys()), "exceptions that are not needed any more"
+
+
+def test_reaches_are_counted_once():
+    assert num_reaches("class A:\n    def f(self):\n        self.a.b = self.a.b.c + self.d\n") == {
+        "A": 1
+    }
 
 
 def test_large_halls_are_found():

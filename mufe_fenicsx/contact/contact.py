@@ -6,10 +6,9 @@ import numpy as np
 from mpi4py import MPI
 
 from ..kernels.build.rows import gather_rows
-from ..kernels.contact.pairs import PairForces, pair_energy
-from ..kernels.contact.walls import wall_energy
+from ..kernels.contact.pairs import PairForces
 from ..state import Stateful
-from .laws import LARGEST_DEPTH, edge_of_area
+from .laws import LARGEST_DEPTH
 from .mirrors import nodes_on_mirrors
 from .pairs.edge_pairs import EdgeContact
 from .pairs.facet_pairs import search_pairs
@@ -18,7 +17,7 @@ from .results.dents import Dents
 from .results.dissipation import Dissipation
 from .results.edge_contacts import new_slip
 from .start.checks import check_stiffness, check_surface, check_walls
-from .start.overlap import Overlaps
+from .start.overlap import Overlaps, depths_to_search
 from .stiffness.layers import SurfaceLayers
 from .surface.active_nodes import nodes_of_pairs
 from .surface.bulges import highest
@@ -26,9 +25,6 @@ from .surface.exchange import exchange_surface
 from .surface.ghosts import Ghosts
 from .surface.points import RECESS
 from .surface.surface import own_surface
-
-#: Overlaps of the start are found up to this depth, in the largest edge of the other grain.
-DEEPEST_START = 1.1
 
 
 class Contact(Stateful):
@@ -131,7 +127,8 @@ class Contact(Stateful):
             old.drop_candidates(self.surface.global_facet)
             overlaps = np.zeros(self.dissipation.num_grains)
         else:
-            overlaps = self._overlaps_at_start()
+            num_grains = self.dissipation.num_grains
+            overlaps = depths_to_search(self.comm, self.own, num_grains, self.first_tool, self.edge)
         self.exchange(gathered, reach, float(overlaps.max(initial=0.0)))
         self._search_facets(reach + overlaps[self.surface.grain_of_facet], wait)
         self._search_edges_and_walls(gathered, reach)
@@ -144,23 +141,9 @@ class Contact(Stateful):
     def _deepest(self):
         """Depth of the deepest closed pair [m]. Collective."""
         depth = self.edges.deepest()
-        if self.pairs is not None and self.pairs.gap.size:
-            gap = self.pairs.gap - self.pairs.dent
-            depth = max(depth, -gap[np.isfinite(gap)].min(initial=0.0))
+        if self.pairs is not None:
+            depth = max(depth, self.pairs.deepest())
         return self.comm.allreduce(depth, op=MPI.MAX)
-
-    def _overlaps_at_start(self):
-        """How deep in each grain points are looked for at the start [m], (num_grains,). Collective.
-
-        All facets of a grain have to be found that far: the closest one tells the side.
-        """
-        largest = np.zeros(self.dissipation.num_grains)
-        np.maximum.at(largest, self.own.grain_of_facet, self.own.facet_area)
-        self.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
-        edges = edge_of_area(largest, 1)
-        if self.first_tool is not None:  # whose facets may be as large as it
-            edges[self.first_tool :] = np.minimum(edges[self.first_tool :], self.edge)
-        return DEEPEST_START * edges
 
     def exchange(self, positions, reach, overlap=0.0):
         """Fetch what other ranks have near this one's surface. Collective.
@@ -221,9 +204,8 @@ class Contact(Stateful):
         """Steps exchange, place and move on what the pairs of now ask for. Collective."""
         pairs, of_walls = self.pairs, self.walls.pairs
         self.motion.follow(pairs.motion_bounds, of_walls.motion_bounds)
-        if self.ghosts.num_before:
-            # The others are needed again at the next search only.
-            self.ghosts.list_near(pairs.node, of_walls.node)
+        # The others are needed again at the next search only.
+        self.ghosts.list_near(pairs.node, of_walls.node)
         neighbours = self.surface.neighbours
         self.ghosts.connect(neighbours, nodes_of_pairs(self) if neighbours else ())
         # Else no force can act on a node of this rank, or by one of its pairs on another one.
@@ -291,22 +273,16 @@ class Contact(Stateful):
         if p.forces is None:
             p.friction_row = self.friction.rows(points.grain_of_point[p.node], p.grain)
             p.name_dents(self.layers.strengths, points, p.grain)
+            # With grains of other ranks: their forces travel while the others are found.
+            early = ~np.isin(p.grain, self.motion.grains)
             p.forces = PairForces(
                 p, points, self.surface, self.ghosts, self.layers, self.edges.beside,
-                self._early_pairs(), self.friction.coefficients, work,
+                early, self.friction.coefficients, work,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(points, self.ghosts, self.layers, work)
         if self.edges.pairs.forces is None:
-            nodes = slice(self.ghosts.num_before, None)
-            x, f = self.ghosts.positions.array[nodes], self.ghosts.forces.array[nodes]
-            self.edges.bind(x, f)
-
-    def _early_pairs(self):
-        """Pairs with grains of other ranks, whose forces travel while the others are found."""
-        far = np.ones(self.dissipation.num_grains, dtype=bool)
-        far[self.motion.grains] = False
-        return far[self.pairs.grain]
+            self.edges.bind(self.ghosts)
 
     def evaluate(self, f, accept=False):
         """Add the forces of the known pairs at the positions that were received. Collective.
@@ -353,16 +329,8 @@ class Contact(Stateful):
             left_out: Whether pairs of each body with others do not count, shape (num_bodies,);
                 None: all pairs count.
         """
-        p, closed = self.pairs, self.pairs.closed
-        if left_out is not None:
-            own = self.points.grain_of_point[p.node]
-            closed = closed & ~(left_out[own] | left_out[p.grain])
-        walls = self.walls.pairs
-        found = (
-            pair_energy(p.state, closed),
-            self.edges.energy(left_out),
-            wall_energy(walls.state, walls.closed),
-        )
+        of_pairs = self.pairs.energy(self.points, left_out)
+        found = of_pairs, self.edges.energy(left_out), self.walls.pairs.energy()
         energy, number = map(sum, zip(*found, strict=True))
         return (0.0 if self.layers.kinematic else energy), number
 
@@ -371,15 +339,10 @@ class Contact(Stateful):
 
         Pairs of points with facets and walls, and crossings of edges.
         """
-        numbers = np.zeros(3, dtype=np.int64)
-        for pairs, recess in ((self.pairs, 0.0), (self.edges.pairs, self.edges.pairs.recess)):
-            depth = pairs.offset - pairs.gap - recess
-            at_largest = pairs.closed & (depth > pairs.largest_depth)
-            with_offset = pairs.closed & (pairs.offset != 0.0)
-            numbers += [of.sum() for of in (pairs.closed, with_offset, at_largest)]
-        walls = self.walls.pairs
-        numbers[:2] += walls.closed.sum(), (walls.closed & (walls.offset != 0.0)).sum()
-        return numbers
+        pairs, edges = self.pairs, self.edges.pairs
+        numbers = sum(of.counts() for of in (pairs, edges, self.walls.pairs))
+        at_largest = pairs.num_at_largest() + edges.num_at_largest(edges.recess)
+        return np.append(numbers, at_largest)
 
     def areas(self, pairs):
         """Parts of the contact area [m²] that the closed pairs ``pairs`` carry. Local.

@@ -93,13 +93,14 @@ class EdgeContact:
         # What waited, but is looked at again, may not have moved further since.
         new.next_check[at_new] = np.minimum(new.next_check[at_new], old.next_check[at_old])
 
-    def bind(self, x, f):
+    def bind(self, ghosts):
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
 
         Args:
-            x, f: As of :class:`~mufe_fenicsx.kernels.contact.edges.EdgeForces`.
+            ghosts: :class:`~mufe_fenicsx.contact.surface.ghosts.Ghosts`.
         """
         coefficients = self.friction.coefficients
+        x, f = (of.array[ghosts.num_before :] for of in (ghosts.positions, ghosts.forces))
         self.pairs.forces = EdgeForces(self.pairs, self.edges, coefficients, x, f)
 
     def springs(self, margin, bound):

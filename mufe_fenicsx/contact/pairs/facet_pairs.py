@@ -3,6 +3,7 @@
 import numpy as np
 
 from ...kernels.build.pair_rows import PAIR
+from ...kernels.contact.pairs import pair_energy
 from ...kernels.contact.search import find_candidates, group_by_grain, sort_into_cells
 from ...kernels.contact.self_contact import find_self_candidates
 from ...kernels.contact.transfer import find_again, transfer_pairs
@@ -26,6 +27,19 @@ class Pairs(PairTable):
         self.recess[:] = points.recess[node]
         PAIR.view(self.state, "node")[:] = node
         self.closest_facet = None  #: numbers of the closest facets, once candidates are dropped
+
+    def deepest(self):
+        """Depth of the deepest pair without its dent, 0 where all are apart [m]."""
+        gap = self.gap - self.dent
+        return -gap[np.isfinite(gap)].min(initial=0.0)
+
+    def energy(self, points, left_out=None):
+        """Energy in the springs [J] and number of closed pairs, as of Contact.energy."""
+        closed = self.closed
+        if left_out is not None:
+            own = points.grain_of_point[self.node]
+            closed = closed & ~(left_out[own] | left_out[self.grain])
+        return pair_energy(self.state, closed)
 
     def drop_candidates(self, global_facet):
         """Keep of the candidates the closest ones alone, for :meth:`transfer` of the next search.

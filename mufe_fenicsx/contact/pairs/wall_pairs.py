@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...kernels.build.pair_rows import WALL_PAIR
-from ...kernels.contact.walls import normal_forces
+from ...kernels.contact.walls import normal_forces, wall_energy
 from .motion_bounds import WALLS, MotionBounds
 from .table import PairTable
 
@@ -22,3 +22,7 @@ class WallPairs(PairTable):
     def normal_force(self):
         """Normal forces on the nodes [N], made anew, shape (num_pairs,)."""
         return normal_forces(self.state)
+
+    def energy(self):
+        """Energy in the springs [J] and number of closed pairs."""
+        return wall_energy(self.state, self.closed)

@@ -6,11 +6,13 @@ from scipy.spatial import cKDTree
 
 from ...errors import InputError
 from ...state import Stateful
-from ..laws import LARGEST_DEPTH
+from ..laws import LARGEST_DEPTH, edge_of_area
 
 #: Depth of a point in another grain at the start, over the edge of the finer of both facets, up to
 #: which it is taken for an overlap of the image and becomes an offset.
 DEEPEST_START = 1.0
+#: Up to this depth they are looked for, in the largest edge of the other grain.
+SEARCHED = 1.1
 #: Depth beyond the offset, over the same, up to which contact is one: five times the depth at
 #: which its force grows no more. Deeper, nothing keeps grains from passing through each other.
 DEEPEST = 0.5
@@ -43,6 +45,27 @@ class Overlaps(Stateful):
             depth = pairs.offset[pair] - pairs.gap[pair]
             grains = grain_of_point[pairs.node[pair]], pairs.grain[pair]
             self.deepest_pair = (part, float(depth), *map(int, grains))
+
+
+def depths_to_search(comm, own, num_grains, first_tool, edge):
+    """How deep in each grain points are looked for at the start [m], (num_grains,). Collective.
+
+    All facets of a grain have to be found that far: the closest one tells the side.
+
+    Args:
+        comm: MPI communicator.
+        own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
+        num_grains: On all ranks.
+        first_tool: The first of them that is a tool; None: none is.
+        edge: Mean facet edge of all ranks [m].
+    """
+    largest = np.zeros(num_grains)
+    np.maximum.at(largest, own.grain_of_facet, own.facet_area)
+    comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
+    edges = edge_of_area(largest, 1)
+    if first_tool is not None:  # whose facets may be as large as it
+        edges[first_tool:] = np.minimum(edges[first_tool:], edge)
+    return SEARCHED * edges
 
 
 def check_start(mesh, contact):

@@ -74,6 +74,8 @@ class Ghosts:
 
     def list_near(self, *rows):
         """Place in steps the points ``rows`` alone. Local."""
+        if not self.num_before:
+            return
         near = np.zeros(self.num_before, dtype=bool)
         for some in rows:
             near[some] = True
