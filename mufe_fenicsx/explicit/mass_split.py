@@ -29,7 +29,7 @@ MISSES = 2
 LEAST = 1e-3
 
 
-class SharedMass(Stateful):
+class MassSplit(Stateful):
     """Parts of the nodal masses. Collective, as its methods.
 
     Args:

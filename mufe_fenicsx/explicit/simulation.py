@@ -21,7 +21,7 @@ from .contact_in_steps import ContactInSteps
 from .mass_scaling import FALLEN, MassScaling
 from .motion import Motion
 from .stable_step import StableStep
-from .step_schedule import Refresh
+from .step_schedule import StepSchedule
 
 #: Largest damping times step. At 2 a step would leave no velocity to damp.
 MOST_DAMPED = 1.0
@@ -70,7 +70,7 @@ class Simulation(OfSpecimen):
         super().__init__(specimen)
         if specimen.any_rigid and not assembled:
             raise InputError('time step = by element, expected "assembled" for rigid grains')
-        self.time_step_factor, self.refresh = time_step_factor, Refresh(refresh)
+        self.time_step_factor, self.refresh = time_step_factor, StepSchedule(refresh)
         self.scaling = None
         if mass_scaling is not None:
             rho = np.array([m.rho for m in specimen.solid.materials])

@@ -10,7 +10,7 @@ from ..contact.stiffness.springs import AllSprings, all_springs, list_edge_sprin
 from ..errors import InputError
 from ..solvers.highest_frequency import HighestFrequency
 from ..state import Stateful
-from .mass_split import SharedMass
+from .mass_split import MassSplit
 
 #: The tets are looked at again when the bound of single ones falls by this, or after so many
 #: steps: their frequency changes with their shapes alone.
@@ -53,7 +53,7 @@ class StableStep(Stateful):
         #: The bound by contacts that open and close over the limit that was found last.
         self.slack = 1.0
         #: Mass that tets and springs share, for a bound of both together.
-        self.shared = SharedMass(
+        self.shared = MassSplit(
             self.solid, self.contact.own.nodes, self.highest_of_tets, self.highest_of_springs
         )
 

@@ -11,7 +11,7 @@ SLACK, LONGEST_WAIT = 1.02, 4
 STEADY = 0.99
 
 
-class Refresh(Stateful):
+class StepSchedule(Stateful):
     """Evaluations of the limit: the last one, and when the next one is due.
 
     Args:

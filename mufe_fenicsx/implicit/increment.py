@@ -12,7 +12,7 @@ from ..contact.stiffness.tangent import ContactTangent
 from ..errors import InputError
 from ..solvers.jacobian_products import Products
 from .linear_system import LinearSystem
-from .preconditioner import NearSystem
+from .preconditioner import ElasticPreconditioner
 from .prescribed_nodes import HeldNodes
 
 #: Largest motion of a node within an increment, over the mean facet edge.
@@ -79,7 +79,7 @@ class IncrementEquations:
         part = 1.0 - self.method.force_of_start if self.method else 1.0
         if solver == "products":
             self._tangent, near = None, NearTangent(s.solid)
-            self.system = NearSystem(mesh, near, self.held, "mufe_", petsc, part)
+            self.system = ElasticPreconditioner(mesh, near, self.held, "mufe_", petsc, part)
             way = DIFFERENCE * s.contact.edge
             self.products = Products(
                 self.system, self._forces_of_grains, mesh, self.held.project, way, part

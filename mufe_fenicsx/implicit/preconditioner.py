@@ -13,7 +13,7 @@ from .coarse_space import CoarseSpace
 from .linear_system import LinearSystem
 
 
-class NearSystem(LinearSystem):
+class ElasticPreconditioner(LinearSystem):
     """As :class:`~.linear_system.LinearSystem`, around one part that does not change. Collective.
 
     Args:

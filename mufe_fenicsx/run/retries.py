@@ -18,7 +18,7 @@ class Answer:
     checkpoint: Checkpoint | None  #: None: from the start
 
 
-class Recovery:
+class Retries:
     """Counts and logs the retries of a run. Collective.
 
     Args:

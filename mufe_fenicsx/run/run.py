@@ -29,13 +29,13 @@ from .recorder import Recorder
 from .report import draw_report
 from .restart import partition_of, restore_test, take_reference
 from .resume_check import reading
-from .retries import Recovery
+from .retries import Retries
 from .run_options import RunOptions
 from .run_place import RunPlace, say
-from .signals import Interruption
+from .signals import Signals
 from .snapshot import snapshot
 from .summary import masses, of_end, of_now, of_start, size_in_words
-from .time_loop import march
+from .time_loop import run_time_loop
 from .unusual import reach, relations
 
 
@@ -97,7 +97,7 @@ class TestRun:
         self.comm = prepared.mesh.comm
         self.identity, self.started = identity, started
         self.checkpoints = CheckpointWriter(self.comm, place.folder)
-        self.recovery = Recovery(self.comm, place.folder, scene.solver, options.quiet)
+        self.retries = Retries(self.comm, place.folder, scene.solver, options.quiet)
         self.first_kept = None
         noted = {"separation": separation, "failed_grains": place.failed_grains()}
         self.summary = of_start(scene, prepared, options) | noted
@@ -115,9 +115,9 @@ class TestRun:
             self._set_up(checkpoint)
             begun = self.now()  # collective where there are tools
         on_first_rank(comm, lambda: write_run_json(self.place.folder, begun))
-        # A signal between two marches, while all begins anew, is not lost.
-        with Interruption(comm, self.scene.output.checkpoint) as interruption:
-            error = self.march(interruption, resumed)
+        # A signal between two loops, while all begins anew, is not lost.
+        with Signals(comm, self.scene.output.checkpoint) as signals:
+            error = self.run_to_end(signals, resumed)
         doing.what = "writing the summary"
         if error is None:
             return self._end()
@@ -197,12 +197,12 @@ class TestRun:
         for line in self.summary["unusual"]:
             say(self.comm, line, self.options.quiet)
 
-    def march(self, interruption, resumed):
+    def run_to_end(self, signals, resumed):
         """March to the end, again after each failure that has an answer; the error, or None."""
         while True:
             try:
-                reason = march(
-                    self.simulation, self.loading, self.recorder, self.scene.output, interruption,
+                reason = run_time_loop(
+                    self.simulation, self.loading, self.recorder, self.scene.output, signals,
                     self.save, self.balance, self.options.max_steps, self.options.quiet, resumed,
                 )  # fmt: skip
                 if reason is not None:
@@ -212,9 +212,9 @@ class TestRun:
                 self.begin_again(find_checkpoint(self.comm, self.place.folder))
                 resumed = True
             except UnstableError as failure:
-                found = self.recovery.answer(failure, self.simulation, self.checkpoints)
+                found = self.retries.answer(failure, self.simulation, self.checkpoints)
                 if found is None:
-                    return self.recovery.exhausted(failure)
+                    return self.retries.exhausted(failure)
                 resumed = found.checkpoint is not None
                 self.begin_again(found.checkpoint)
             except (SolverError, Interrupted) as failure:
@@ -236,14 +236,14 @@ class TestRun:
         """
         scene = self.scene
         if checkpoint is not None:
-            self.recovery.know(checkpoint.header["retries"])
-        self.simulation = make_simulation(scene, self.prepared, self.recovery.shorter)
+            self.retries.know(checkpoint.header["retries"])
+        self.simulation = make_simulation(scene, self.prepared, self.retries.shorter)
         measures = make_membrane(scene, self.simulation, self.prepared.bounds)
         self.loading = make_loading(scene, self.simulation, self.summary["area"], measures)
         recorder, same_ranks = self.first_kept, True
         if checkpoint is not None:
             with reading(checkpoint):
-                num_retries = len(self.recovery.done)
+                num_retries = len(self.retries.done)
                 restore_test(checkpoint, self.simulation, self.loading, scene, num_retries)
                 recorder, ranks = checkpoint.header["recorder"], self.prepared.mesh.rank_of_grain
                 same_ranks = written_by(checkpoint, self.comm.size, ranks)
@@ -311,7 +311,7 @@ class TestRun:
             "state": state,
             "loading": self.loading.state_dict(),
             "recorder": self.recorder.state_dict(),
-            "retries": self.recovery.done,
+            "retries": self.retries.done,
             "strain": float(self.loading.strain),
             "wall_s": time.perf_counter() - self.started,
             "written_by": ranks.tolist(),
@@ -323,5 +323,5 @@ class TestRun:
 
     def now(self):
         """The summary with what changes during a run. Collective."""
-        now = of_now(self.simulation, self.loading, self.recovery.done, self.started)
+        now = of_now(self.simulation, self.loading, self.retries.done, self.started)
         return self.summary | now

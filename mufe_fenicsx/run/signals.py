@@ -14,7 +14,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP)
 LATENCY = 0.2
 
 
-class Interruption:
+class Signals:
     """Asks all ranks between two steps for signals and for the time. Collective.
 
     To be used as a context: the signals do not end the program at once within it. A second

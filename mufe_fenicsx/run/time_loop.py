@@ -9,8 +9,8 @@ from .rebalance import INTERVAL
 from .run_place import say
 
 
-def march(
-    simulation, loading, recorder, output, interruption, save, balance, max_steps, quiet, resumed
+def run_time_loop(
+    simulation, loading, recorder, output, signals, save, balance, max_steps, quiet, resumed
 ):
     """Step until the end of the test; returns why it stopped, or None to begin anew. Collective.
 
@@ -18,7 +18,7 @@ def march(
         simulation, loading: What moves.
         recorder: :class:`~mufe_fenicsx.run.recorder.Recorder`.
         output: Of the scene: when checkpoints are due.
-        interruption: :class:`~mufe_fenicsx.run.signals.Interruption`, entered.
+        signals: :class:`~mufe_fenicsx.run.signals.Signals`, entered.
         save: Writes one.
         balance: Shares the work of the ranks anew where that is worth it, and writes a checkpoint
             to begin anew from; returns whether it did.
@@ -48,14 +48,14 @@ def march(
                 save()
                 recorder.write_last_row()
                 return f"max_steps = {max_steps} reached"
-            number, by_time = interruption()
+            number, by_time = signals()
             if number:
                 raise _interrupted(number, save, state.num_steps, loading.strain)
             if balance_due() and balance():
                 return None
             if by_time or due(state.num_steps):
                 save()
-                interruption.saved()
+                signals.saved()
             loading.before_step()
             simulation.step(everywhere=False)
     save()  # a longer test can go on from here

@@ -38,7 +38,8 @@ class Products:
     """Products as a PETSc matrix of type "python". Collective.
 
     Args:
-        system: :class:`~mufe_fenicsx.implicit.preconditioner.NearSystem`, whose ``on_top`` is C.
+        system: :class:`~mufe_fenicsx.implicit.preconditioner.ElasticPreconditioner`, with C as its
+            ``on_top``.
         forces: f, a function of displacements, shape (num_nodes, 3); None where there are none.
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         project: Takes the held part out of nodal vectors in place.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from mufe_fenicsx.explicit.mass_split import MISSES, SharedMass
+from mufe_fenicsx.explicit.mass_split import MISSES, MassSplit
 from mufe_fenicsx.solvers.highest_frequency import HighestFrequency
 
 NUM = 14
@@ -52,7 +52,7 @@ def shares(rng, tets, springs, at):
         HighestFrequency(MPI.COMM_SELF, mass, x, operator(m), tolerance=TOLERANCE, max_sweeps=200)
         for m in (tets, springs)
     )
-    shared = SharedMass(solid, np.asarray(at), one, other)
+    shared = MassSplit(solid, np.asarray(at), one, other)
     root = np.repeat(1 / np.sqrt(mass), 3)
     exact = np.linalg.eigvalsh(root[:, None] * (tets + springs) * root)[-1]
     shared.choose(x, listed, other(listed.at, listed.add_compact))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from mufe_fenicsx.explicit.step_schedule import FASTER, LONGEST_WAIT, SLACK, Refresh
+from mufe_fenicsx.explicit.step_schedule import FASTER, LONGEST_WAIT, SLACK, StepSchedule
 from mufe_fenicsx.materials.elastic import Elastic
 from tests.bodies import packed_spheres, simulation_of
 
@@ -25,7 +25,7 @@ def evaluate(refresh, limit, slack, early=False, steps=None):
 
 
 def test_evaluations_wait_longer_where_contact_does_not_limit_the_step():
-    refresh = Refresh(STEPS)
+    refresh = StepSchedule(STEPS)
     assert [evaluate(refresh, 1.0, FREE) for _ in range(4)] == [1, 2, 4, LONGEST_WAIT]
     # What is allowed for is the motion until then.
     assert refresh.margin == pytest.approx(FASTER * 1e-3 * LONGEST_WAIT * STEPS)
@@ -36,7 +36,7 @@ def test_evaluations_wait_longer_where_contact_does_not_limit_the_step():
 
 
 def test_a_long_wait_that_makes_the_step_shorter_is_given_up():
-    refresh = Refresh(STEPS)
+    refresh = StepSchedule(STEPS)
     for _ in range(4):
         evaluate(refresh, 1.0, FREE)
     assert evaluate(refresh, 0.9, FREE) == 1
@@ -45,7 +45,7 @@ def test_a_long_wait_that_makes_the_step_shorter_is_given_up():
 
 
 def test_no_evaluation_waits_longer_after_an_early_one():
-    refresh = Refresh(STEPS)
+    refresh = StepSchedule(STEPS)
     for _ in range(4):
         evaluate(refresh, 1.0, FREE)
     assert evaluate(refresh, 1.0, FREE, early=True, steps=7) == 1

@@ -29,7 +29,7 @@ from mufe_fenicsx.output import checkpoint as checkpoints
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import HistoryWriter, read_history
 from mufe_fenicsx.run import run as run_module
-from mufe_fenicsx.run import signals as interruption
+from mufe_fenicsx.run import signals
 from mufe_fenicsx.run.recorder import Recorder
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import (
@@ -134,7 +134,7 @@ def test_resumed_runs_give_the_same_bytes(stopped, monkeypatch):
             signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(Recorder, "write_state", interrupt)
-    monkeypatch.setattr(interruption, "LATENCY", 1e-3)
+    monkeypatch.setattr(signals, "LATENCY", 1e-3)
     with pytest.raises(Interrupted, match="stopped by SIGINT") as ended:
         run(stopped, "parts", scene=OFTEN, resume=True)
     assert ended.value.signal == signal.SIGINT
@@ -352,7 +352,7 @@ def test_a_signal_ends_a_run_after_a_checkpoint(folder, serial, monkeypatch, cap
         signal.raise_signal(number)
 
     monkeypatch.setattr(Recorder, "write_state", interrupt)
-    monkeypatch.setattr(interruption, "LATENCY", 1e-3)
+    monkeypatch.setattr(signals, "LATENCY", 1e-3)
     arguments = ["run", "scene.toml", "--grains", "grains", "-o", "out", "--quiet"]
     monkeypatch.chdir(folder)
     before = signal.signal(number, lambda *_: None)  # nohup would have it ignored
@@ -389,7 +389,7 @@ def test_a_signal_is_heard_while_all_begins_anew(folder, monkeypatch):
 
     monkeypatch.setattr(run_module.TestRun, "balance", balance)
     monkeypatch.setattr(run_module.TestRun, "begin_again", begin)
-    monkeypatch.setattr(interruption, "LATENCY", 1e-3)
+    monkeypatch.setattr(signals, "LATENCY", 1e-3)
     with pytest.raises(Interrupted, match="stopped by SIGINT"):
         run(folder, "anew")
     monkeypatch.undo()

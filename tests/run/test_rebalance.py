@@ -8,7 +8,7 @@ from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.run import from_scene as preparation
-from mufe_fenicsx.run import time_loop as march
+from mufe_fenicsx.run import time_loop
 from mufe_fenicsx.run.rebalance import better_partition, imbalance, work_of_grains
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene
@@ -52,7 +52,7 @@ def test_moving_grains_changes_nothing_but_the_last_digits(folder, monkeypatch):
         return np.maximum(np.arange(weights.size) - weights.size + num_ranks, 0)
 
     monkeypatch.setattr(preparation, "partition_grains", lopsided)
-    monkeypatch.setattr(march, "INTERVAL", 0.004)
+    monkeypatch.setattr(time_loop, "INTERVAL", 0.004)
     moved = run(folder, "moved")
     if COMM.size == 1:
         assert moved["balanced_at_steps"] == []

@@ -17,7 +17,7 @@ from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.output.checkpoint import CheckpointWriter
 from mufe_fenicsx.output.fields import read_states
 from mufe_fenicsx.output.history import read_history
-from mufe_fenicsx.run.retries import Recovery
+from mufe_fenicsx.run.retries import Retries
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver
 from tests.bodies import RADIUS, packed_grains
@@ -123,7 +123,7 @@ def test_results_after_a_retry_from_the_start_are_those_that_a_resume_counts(fol
 def test_a_retry_that_fails_earlier_goes_back_to_the_checkpoint_before(folder):
     """However many were written since it began."""
     checkpoints = CheckpointWriter(COMM, folder)
-    recovery = Recovery(COMM, folder, Solver(retries=3), quiet=True)
+    retries = Retries(COMM, folder, Solver(retries=3), quiet=True)
 
     def write(*steps):
         for step in steps:
@@ -132,7 +132,7 @@ def test_a_retry_that_fails_earlier_goes_back_to_the_checkpoint_before(folder):
 
     def fail(time):
         state = SimpleNamespace(t=time, num_steps=round(10 * time))
-        found = recovery.answer("it grows", SimpleNamespace(state=state), checkpoints).checkpoint
+        found = retries.answer("it grows", SimpleNamespace(state=state), checkpoints).checkpoint
         checkpoints.remove_after(found)
         return found and found.header["step"]
 

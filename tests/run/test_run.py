@@ -190,11 +190,11 @@ def test_a_last_state_that_cannot_be_written_does_not_hide_the_first_error(
 ):
     """Of a motion that is not finite there is no state; the cause is told and kept."""
 
-    def march(simulation, *_):
+    def run_time_loop(simulation, *_):
         simulation.state.x[:] = simulation.state.v[:] = np.nan
         raise SolverError("the first error")
 
-    monkeypatch.setattr(run_module, "march", march)
+    monkeypatch.setattr(run_module, "run_time_loop", run_time_loop)
     with pytest.raises(SolverError, match="the first error"):
         run_scene(small_scene(), grains, folder / "out", MPI.COMM_WORLD, quiet=True)
     assert "the first error" in json.loads((folder / "out/run.json").read_text())["stop_reason"]
@@ -208,10 +208,10 @@ def test_a_failure_at_the_end_does_not_hide_the_first_error(tmp_path, monkeypatc
     def fail(*_):
         raise KeyError("something else")
 
-    def march(*_):
+    def run_time_loop(*_):
         raise SolverError("the first error")
 
-    monkeypatch.setattr(run_module, "march", march)
+    monkeypatch.setattr(run_module, "run_time_loop", run_time_loop)
     monkeypatch.setattr(where, name, fail)
     with pytest.raises(SolverError, match="the first error"):
         run_scene(small_scene(), tmp_path / "grains", tmp_path / "out", MPI.COMM_SELF, quiet=True)

@@ -1,6 +1,6 @@
 """Nodes of a complex of facets moved to where the smoothed indicators of their labels are equal.
 
-See `complexes`; a complex is a :class:`~.complexes.Complex`, lengths are voxels of the image.
+A complex is a :class:`~.shared_surface.SharedSurface`, lengths are voxels of the image.
 """
 
 import numpy as np
@@ -57,7 +57,7 @@ def moved(surface, start, fields, offset, shape, spacing, rounds):
     """Nodes on the level sets of their labels, in so many rounds evenly along them.
 
     Args:
-        surface: A `Complex`.
+        surface: A `SharedSurface`.
         start: Places that nodes stay near, within a cell, shape (num_nodes, 3).
         fields: A `Field` a label.
         offset: What the indicator of the void gains around each label, shape (largest label + 1,).

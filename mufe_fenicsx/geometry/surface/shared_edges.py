@@ -18,7 +18,7 @@ def evened(x, facets, sides, bits, size):
 
     Args:
         x: Nodes, shape (num_nodes, 3).
-        facets, sides: As of `complexes.Complex`.
+        facets, sides: As of `shared_surface.SharedSurface`.
         bits: Faces of the image that facets lie on, 1, 2, 4 for its axes, shape (num_facets,).
         size: Wanted length of edges.
 

@@ -47,7 +47,7 @@ SMALLEST = 0.8
 
 
 @dataclass
-class Complex:
+class SharedSurface:
     """Facets between labels."""
 
     x: np.ndarray  #: nodes, shape (num_nodes, 3)
@@ -78,7 +78,7 @@ def grain_complex(labels, size, smoothing, keep_volume=True):
         keep_volume: Move free faces so that each grain keeps the volume of its voxels.
 
     Returns:
-        A `Complex`.
+        A `SharedSurface`.
     """
     wide = max(smoothing, PREVAIL * CELL * size)
     surface, spacing = raw_complex(labels, CELL * size, wide)
@@ -187,11 +187,11 @@ def _surface_nets(cells, spacing):
     around[:, 1:][around[:, 1:] == around[:, :-1]] = -1
     around = -np.sort(-around, axis=1)[:, :MOST_LABELS]
     held = (corner == 0) | (corner == np.array(cells.shape))
-    return Complex(corner * spacing, facets, sides, around, held)
+    return SharedSurface(corner * spacing, facets, sides, around, held)
 
 
 def _evened(surface, size):
-    """The same faces of triangles whose edges are of a length: a new `Complex`."""
+    """The same faces of triangles whose edges are of a length: a new `SharedSurface`."""
     bits = surface.held[surface.facets].all(axis=1) @ np.array([1, 2, 4])
     found = opened(surface.x, surface.facets, surface.sides, bits, SMALLEST * size**2)
     x, facets, sides, bits = evened(*found, size)
@@ -206,4 +206,4 @@ def _evened(surface, size):
     held = np.zeros((len(x), 3), dtype=bool)
     for axis in range(3):
         held[facets[bits >> axis & 1 == 1].ravel(), axis] = True
-    return Complex(x, facets, sides, labels, held)
+    return SharedSurface(x, facets, sides, labels, held)
