@@ -25,6 +25,8 @@ from mufe_fenicsx.explicit.simulation import Simulation
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.grains import Grains, save_grains
 from mufe_fenicsx.loading.pressure import Pressure
+from mufe_fenicsx.machine.files import append_line
+from mufe_fenicsx.machine.ranks import on_first_rank
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.output import checkpoint, run_folder
@@ -322,8 +324,8 @@ CASES = {
     "output/history.py HistoryWriter._together": Case(
         FIRST, lambda folder: HistoryWriter(folder / "none" / "history.csv", comm=COMM),
         says="none/history.csv cannot be written"),
-    "output/run_folder.py append_line": Case(
-        FIRST, lambda folder: run_folder.append_line(COMM, folder / "none" / "log", "line"),
+    "machine/files.py append_line": Case(
+        FIRST, lambda folder: append_line(COMM, folder / "none" / "log", "line"),
         says="none/log cannot be written"),
     "output/run_folder.py check_run_folder": Case(
         FIRST, create_folder, "output.run_folder._obstacle", WRONG),
@@ -331,9 +333,9 @@ CASES = {
         FIRST, below_a_file, "output.run_folder._obstacle", None, "run cannot be created"),
     "output/run_folder.py create_run_folder 2": Case(
         FIRST, create_folder, "output.run_folder._prepare", WRONG),
-    "output/run_folder.py on_first_rank": Case(
+    "machine/ranks.py on_first_rank": Case(
         FIRST,
-        lambda folder: run_folder.on_first_rank(COMM, lambda: run_folder.check_inside(folder)),
+        lambda folder: on_first_rank(COMM, lambda: run_folder.check_inside(folder)),
         "output.run_folder.check_inside", ERROR),
     "output/run_lock.py RunLock.look": Case(
         FIRST, lambda folder: RunLock(COMM, folder).look(), "output.run_lock.free_to_write", WRONG),

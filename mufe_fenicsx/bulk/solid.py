@@ -12,9 +12,9 @@ from ..kernels.bulk.energy import add_normal_stresses, elastic_energy
 from ..kernels.bulk.hardening import plastic_increment
 from ..kernels.bulk.solid import AVERAGED, PLAIN, InternalForces
 from ..kernels.contact.edge_compliance import add_edge_compliance, cells_around, largest_patch
+from ..machine.ranks import on_first_rank
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid
-from ..output.run_folder import on_first_rank
 from ..state import ForceTerm
 from .neo_hookean import NeoHookeanGrains
 

@@ -130,10 +130,10 @@ def import_meshes(
     """Take tetrahedral meshes of grains from another program as they are."""
     serial_only("import")
     printer = Printer(json)
-    from ..geometry.atomic_output import new_folder
     from ..geometry.grains import save_grains
     from ..geometry.measure import assumed_unit
     from ..geometry.tets.foreign_meshes import import_grains
+    from ..machine.files import new_folder
     from ..units import to_si
 
     notices = []

@@ -66,7 +66,7 @@ def scene(
     if output is None:
         Printer().say(text.rstrip("\n"))
         return
-    from ..geometry.atomic_output import new_files
+    from ..machine.files import new_files
 
     with new_files(output, overwrite=overwrite) as folder:
         (folder / output.name).write_text(text, encoding="utf-8")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .atomic_output import new_folder
+from ..machine.files import new_folder
 from .form.proportions import warnings_of_proportions
 from .grains import Grains, save_grains
 from .image import labels as labelling

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .atomic_output import new_files
+from ..machine.files import new_files
 from .image import image as images
 from .image.compare_labels import compare_labels, fitted, true_labels
 from .image.contact_faces import contact_table

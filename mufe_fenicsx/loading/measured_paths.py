@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import InputError
-from ..output.measured import TIME, Measured, curve_through, read_measured, steepest
+from .measured import TIME, Measured, curve_through, read_measured, steepest
 
 #: Prefixes of columns for a whole axis, with their SI units.
 OF_AXIS = {"strain": "", "displacement": "m"}

@@ -47,7 +47,7 @@ import math
 import numpy as np
 
 from ..errors import InputError, SolverError
-from ..output.run_folder import on_first_rank
+from ..machine.ranks import on_first_rank
 from ..state import Stateful
 from .gauges import Gauges, WallMeans
 from .measured_paths import measured_paths, read_motions
@@ -103,7 +103,7 @@ class StagedLoading(Stateful):
         self.paces = Paces(simulation, self.container, settings, quasi_static)
         if self.control is not None and self.measures.lags:
             self.control.lack_of_held = self._lack_of_held
-        #: Motions that stages follow: number of the stage -> :class:`~.output.measured.Measured`.
+        #: Motions that stages follow: number of the stage -> :class:`~.measured.Measured`.
         self.motions = self._read_motions()
         zeros = [number for number, stage in enumerate(program) if stage.zero]
         self._last_zero = max(zeros, default=-1)

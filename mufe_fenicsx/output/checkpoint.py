@@ -20,8 +20,9 @@ import h5py
 import numpy as np
 
 from mufe_fenicsx.errors import InputError, raise_together, shortened
-from mufe_fenicsx.machine.files import own_folder, reason, regular
-from mufe_fenicsx.output.run_folder import attempt, on_first_rank, plain, try_room
+from mufe_fenicsx.machine.files import attempt, own_folder, reason, regular, try_room
+from mufe_fenicsx.machine.ranks import on_first_rank
+from mufe_fenicsx.output.run_folder import plain
 
 FORMAT, VERSION = "mufe checkpoint", 15
 MANIFEST = "manifest.json"

@@ -18,20 +18,18 @@ import numpy as np
 
 from mufe_fenicsx.errors import InputError, raise_together, shortened
 from mufe_fenicsx.machine.files import (
+    attempt,
     new_part,
     open_plain,
     own_folder,
     reason,
     regular,
+    try_room,
     write_atomically,
 )
+from mufe_fenicsx.machine.ranks import on_first_rank
 from mufe_fenicsx.output.quantities import describe_fields
-from mufe_fenicsx.output.run_folder import (
-    attempt,
-    on_first_rank,
-    remove_states_after,
-    try_room,
-)
+from mufe_fenicsx.output.run_folder import remove_states_after
 
 VTK_TETRA = 10
 #: Rows that are computed and written at a time.

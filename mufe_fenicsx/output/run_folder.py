@@ -6,19 +6,12 @@ import importlib.metadata
 import json
 import os
 import platform
-import sys
 import tempfile
 from pathlib import Path
 
 import mufe_fenicsx
 from mufe_fenicsx.errors import InputError, raise_together, shortened
-from mufe_fenicsx.machine.files import (
-    open_plain,
-    parts_of,
-    reason,
-    regular,
-    write_atomically,
-)
+from mufe_fenicsx.machine.files import parts_of, reason, regular, write_atomically
 from mufe_fenicsx.output.run_kinds import sorted_out
 
 #: Made by whoever writes into a run folder, and gone when that ends (:mod:`.run_lock`).
@@ -60,43 +53,6 @@ OWN_FILES = (
 )
 
 OWN_FOLDERS = ("fields", "figures", "contacts", "tools", "checkpoints", "paraview")
-
-#: Room for what an HDF5 file holds beside its arrays [bytes].
-HEADERS = 64 * 1024
-
-
-def on_first_rank(comm, action):
-    """Do something on rank 0 that may raise an InputError, which all ranks raise then. Collective.
-
-    Returns:
-        What it returned, on rank 0.
-    """
-    found, message = None, None
-    if comm.rank == 0:
-        try:
-            found = action()
-        except (InputError, OSError) as error:
-            message = str(error)
-    raise_together(comm, message)
-    return found
-
-
-def attempt(path, action):
-    """(what went wrong or None, result or None) of something that writes to a file."""
-    try:
-        return None, action()
-    except (OSError, RuntimeError) as error:  # HDF5 raises either
-        return f"{path} cannot be written ({reason(error)})", None
-
-
-def try_room(path, size):
-    """Raise OSError unless ``size`` bytes and the headers of HDF5 fit on the disk.
-
-    HDF5 may end the whole program where it cannot write its headers.
-    """
-    with path.open("wb") as file:
-        if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(file.fileno(), 0, size + HEADERS)
 
 
 def remove_states_after(folder, states, *patterns):
@@ -272,27 +228,6 @@ def _remove_own_files(folder):
     for path in [*folder.glob("checkpoints/step-*"), *folders]:
         if path.is_dir() and not path.is_symlink() and not any(path.iterdir()):
             path.rmdir()
-
-
-def append_line(comm, path, line, show=False):
-    """Add a line to a log, and show it on the terminal where asked. Collective.
-
-    Raises:
-        InputError: It cannot be written; on all ranks.
-    """
-    message = None
-    if comm.rank == 0:
-        if show:
-            print(f"mufe: {line}", file=sys.stderr, flush=True)
-        try:
-            flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
-            with open(
-                path, "a", encoding="utf-8", opener=lambda p, _: open_plain(p, flags)
-            ) as file:
-                file.write(line + "\n")
-        except OSError as error:
-            message = f"{path} cannot be written ({reason(error)})"
-    raise_together(comm, message)
 
 
 def write_run_json(folder, run):

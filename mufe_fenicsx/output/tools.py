@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from mufe_fenicsx.errors import raise_together
-from mufe_fenicsx.machine.files import own_folder, write_atomically
+from mufe_fenicsx.machine.files import attempt, own_folder, write_atomically
 from mufe_fenicsx.output.contacts import write_poly_data
-from mufe_fenicsx.output.run_folder import attempt, remove_states_after
+from mufe_fenicsx.output.run_folder import remove_states_after
 
 SERIES = "states.vtkhdf.series"
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from ..container import TOP
 from ..errors import InputError
-from ..geometry.atomic_output import new_files
 from ..geometry.measure import tet_volumes
+from ..machine.files import new_files
 from ..materials.elastic import Elastic
 from ..materials.j2 import FAR, J2
 from ..run.from_scene import load_mesh, separate_surfaces

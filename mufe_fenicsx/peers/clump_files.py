@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..geometry.atomic_output import new_folder
+from ..machine.files import new_folder
 from .body import bodies_of
 from .clumps import clump_of
 

@@ -14,7 +14,7 @@ import numpy as np
 import tifffile
 
 from ..errors import InputError
-from ..geometry.atomic_output import new_files
+from ..machine.files import new_files
 
 #: Largest label that each type of ImageJ holds exactly.
 TYPES = ((2**8 - 1, np.uint8), (2**16 - 1, np.uint16), (2**24, np.float32))

@@ -8,7 +8,7 @@ import numpy as np
 import pyvista
 
 from ..errors import InputError
-from ..geometry.atomic_output import new_folder
+from ..machine.files import new_folder
 from .body import bodies_of
 from .level_sets import level_set
 from .lsdem import morphology, place

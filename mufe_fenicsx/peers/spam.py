@@ -21,7 +21,7 @@ import numpy as np
 import tifffile
 
 from ..errors import InputError
-from ..geometry.atomic_output import new_folder
+from ..machine.files import new_folder
 
 LABELS, CONTACTS, TABLE = "labels.tif", "contacts.tsv", "contactTable.txt"
 COLUMNS = ("Contact", "Label1", "Label2", "Zpos", "Ypos", "Xpos", "Voxels")

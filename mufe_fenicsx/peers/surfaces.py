@@ -6,8 +6,8 @@ import meshio
 import numpy as np
 
 from ..errors import InputError
-from ..geometry.atomic_output import new_folder
 from ..geometry.measure import boundary_triangles, compact, surface_volume
+from ..machine.files import new_folder
 
 #: Formats by name, and how meshio is to write them: binary ones where there are.
 FORMATS = {"stl": {"binary": True}, "ply": {"binary": True}, "obj": {}}

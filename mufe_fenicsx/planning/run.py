@@ -6,7 +6,7 @@ from bisect import bisect_left
 
 from ..analysis.evidence import read_points
 from ..errors import InputError
-from ..output.run_folder import on_first_rank
+from ..machine.ranks import on_first_rank
 from .choice import follow, plan_scene
 from .cost import benchmark, predict
 from .present import present_state

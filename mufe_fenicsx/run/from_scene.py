@@ -17,8 +17,8 @@ from ..loading.measures import MembraneMeasures
 from ..loading.membrane import Membrane
 from ..loading.oedometer import OedometerLoading
 from ..loading.stages import StagedLoading
+from ..machine.ranks import on_first_rank
 from ..mesh import create_grain_mesh, partition_grains
-from ..output.run_folder import on_first_rank
 from .seating import hold_of
 
 #: Part of the radius by which grains may reach through a cylinder that the scene states.

@@ -9,8 +9,8 @@ from ..analysis.carriers import find_carriers
 from ..analysis.checks import check_run, holds_from
 from ..analysis.contact_resolution import of_patches
 from ..geometry.form.proportions import median_diameter
+from ..machine.ranks import on_first_rank
 from ..output.history import VOIDS, read_history
-from ..output.run_folder import on_first_rank
 from ..results import Run
 
 

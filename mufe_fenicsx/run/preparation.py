@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 from ..container import Bounds
+from ..machine.ranks import on_first_rank
 from ..mesh import GrainMesh
 from ..output.checkpoint import find_checkpoint
-from ..output.run_folder import check_inside, check_run_folder, on_first_rank
+from ..output.run_folder import check_inside, check_run_folder
 from ..scene import scene_to_toml
 from .from_scene import find_bounds, load_mesh, make_walls, separate_surfaces, sleeve_of
 from .restart import partition_of, take_reference

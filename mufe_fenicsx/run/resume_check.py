@@ -5,9 +5,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import InputError, Interrupted, SolverError, raise_together, shortened, shown
+from ..machine.ranks import on_first_rank
 from ..output.checkpoint import file_checksum
 from ..output.record import lost_results
-from ..output.run_folder import on_first_rank, read_run_json
+from ..output.run_folder import read_run_json
 from .run_place import say
 
 

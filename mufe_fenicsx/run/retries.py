@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from ..errors import SolverError
+from ..machine.files import append_line
 from ..output.checkpoint import Checkpoint, find_checkpoint
-from ..output.run_folder import append_line
 
 #: Time step of a retry over that before.
 SHORTER = 0.5

@@ -14,8 +14,9 @@ from ..arguments import checked
 from ..errors import InputError, Interrupted, SolverError, UnstableError
 from ..machine.doing import Doing
 from ..machine.memory import return_freed_arrays
+from ..machine.ranks import on_first_rank
 from ..output.checkpoint import CheckpointWriter, find_checkpoint, written_by
-from ..output.run_folder import on_first_rank, write_run_json
+from ..output.run_folder import write_run_json
 from ..output.run_lock import LostFolder, RunLock
 from ..scene import Scene
 from ..scene.usual import unusual

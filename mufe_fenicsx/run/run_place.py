@@ -5,11 +5,8 @@ import sys
 
 from ..errors import InputError
 from ..machine.files import parts_of, replacing, write_atomically
-from ..output.run_folder import (
-    abandon_run_folder,
-    create_run_folder,
-    on_first_rank,
-)
+from ..machine.ranks import on_first_rank
+from ..output.run_folder import abandon_run_folder, create_run_folder
 
 #: Tables of `mufe mesh` that stay with the run.
 TABLES = ("quality.csv", "grains.csv", "labels.csv", "label_contacts.csv", "labels.png")

@@ -1,6 +1,6 @@
 """The scene file of a test, for all ranks."""
 
-from ..output.run_folder import on_first_rank
+from ..machine.ranks import on_first_rank
 from ..scene import load_scene
 
 

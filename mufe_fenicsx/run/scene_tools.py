@@ -6,9 +6,9 @@ from mpi4py import MPI
 from ..bulk.tools import Tool, ToolPath
 from ..contact.walls import rotation_of
 from ..errors import InputError
+from ..loading.measured import TIME, read_measured
+from ..machine.ranks import on_first_rank
 from ..output.checkpoint import file_checksum
-from ..output.measured import TIME, read_measured
-from ..output.run_folder import on_first_rank
 from ..scene.tools import FREEDOMS
 
 #: Size of a tool over that of the sample, one way or the other, and distance between both over it:

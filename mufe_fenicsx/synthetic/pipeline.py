@@ -6,9 +6,9 @@ import numpy as np
 import tifffile
 
 from ..errors import SolverError
-from ..geometry.atomic_output import new_folder
 from ..geometry.image.compare_labels import touching_labels
 from ..geometry.image.label_files import write_labels, write_table
+from ..machine.files import new_folder
 from .imaging import grey_image, voxelise
 from .packing import pack
 from .picture import draw_scan

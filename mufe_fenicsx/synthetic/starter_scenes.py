@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, nearest_name, shown
-from ..geometry.atomic_output import new_folder
 from ..geometry.bodies.shapes import sphere, sphere_near_contact
 from ..geometry.grains import Grains, save_grains
 from ..geometry.measure import tet_volumes
+from ..machine.files import new_folder
 from ..materials.sand import scene_table
 from ..scene.schema import schema_text
 from .packing import pack

@@ -9,7 +9,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from mufe_fenicsx.errors import InputError, Interrupted
-from mufe_fenicsx.geometry.atomic_output import SIGNALS, new_files, new_folder
 from mufe_fenicsx.geometry.grains import load_grains
 from mufe_fenicsx.geometry.image.label_files import read_labels, write_labels
 from mufe_fenicsx.geometry.image.picture import draw_refusal
@@ -18,6 +17,7 @@ from mufe_fenicsx.geometry.mesh import mesh_labels
 from mufe_fenicsx.geometry.segment import segment_image
 from mufe_fenicsx.geometry.settings import METHODS, MeshSettings, SegmentSettings
 from mufe_fenicsx.machine import memory
+from mufe_fenicsx.machine.files import SIGNALS, new_files, new_folder
 from tests.geometry.scenes import grey_packing, two_balls
 
 

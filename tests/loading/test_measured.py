@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.output.measured import curve_through, read_measured, steepest
+from mufe_fenicsx.loading.measured import curve_through, read_measured, steepest
 from mufe_fenicsx.scene.stages import Axis, Stage, Until
 from tests.loading.staged import (
     MOTION,

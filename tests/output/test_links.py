@@ -10,7 +10,7 @@ import pytest
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.geometry.image.label_files import write_labels, write_table
-from mufe_fenicsx.output.run_folder import append_line
+from mufe_fenicsx.machine.files import append_line
 from mufe_fenicsx.report.paraview import write_paraview
 from mufe_fenicsx.report.write import write_report
 from mufe_fenicsx.results import Run

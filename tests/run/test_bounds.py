@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.atomic_output import new_files, new_folder
 from mufe_fenicsx.geometry.bodies import tool_body
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.geometry.image.labels import plain_labels
+from mufe_fenicsx.machine.files import new_files, new_folder
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.output.checkpoint import Checkpoint
 from mufe_fenicsx.run import run as run_module

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import InputError
-from ..atomic_output import new_files
+from ...machine.files import new_files
 from ..grains import load_grains
 from ..image.label_files import read_labels
 from .shape import COLUMNS, LENGTHS, shapes_of_labels, shapes_of_meshes, size_at

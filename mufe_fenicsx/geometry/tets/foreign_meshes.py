@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...kernels.geometry.topology import body_defect, cell_defect, num_folds
-from ..atomic_output import new_files
+from ...machine.files import new_files
 from ..grains import Grains
 from ..measure import positively_oriented, renumbered
 from ..pieces import piece_of_cell

@@ -5,10 +5,10 @@ import time
 import numpy as np
 
 from ...errors import InputError
-from ...geometry.atomic_output import new_folder
 from ...geometry.grains import Grains, save_grains
 from ...geometry.image.label_files import write_labels, write_table
 from ...kernels.packing.packed_surfaces import label_voxels
+from ...machine.files import new_folder
 from ...materials.sand import scene_table
 from ...units import lengths_text, require, with_unit
 from ..shapes import sizes_by_mass
