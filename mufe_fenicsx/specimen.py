@@ -14,8 +14,8 @@ from .bulk.added_term import name_failure, try_term
 from .bulk.rigid import RigidGrains, check_rigid
 from .bulk.solid import Solid
 from .bulk.tools import Tools, tool_solids
-from .contact.bonded import Bonded
 from .contact.contact import Contact
+from .contact.glued import Glued
 from .contact.mirrors import Mirrors
 from .contact.results.network import num_active_pairs
 from .contact.results.patches import find_patches
@@ -106,15 +106,15 @@ class Specimen(Stateful):
         )  # fmt: skip
         self.contact = Contact(mesh, mesh.x, self.walls, grains, settings)
         kinematic = self.contact.layers.kinematic
-        self.bonded = Bonded(mesh, self.walls, self.contact.own.nodes)
+        self.glued = Glued(mesh, self.walls, self.contact.own.nodes)
         self.mirrors = Mirrors(
-            self.comm, self.walls, mesh.x, self.bonded.nodes, self.rigid.lists.nodes, kinematic
+            self.comm, self.walls, mesh.x, self.glued.nodes, self.rigid.lists.nodes, kinematic
         )
-        check_rigid(self.comm, self.rigid, self.bonded.nodes, kinematic, mass_factor)
+        check_rigid(self.comm, self.rigid, self.glued.nodes, kinematic, mass_factor)
         self.tools = Tools(mesh, tools, self.rigid)
-        constraints = self.bonded, self.mirrors, self.rigid, self.tools
+        constraints = self.glued, self.mirrors, self.rigid, self.tools
         self.terms = [solid, *(term for term in constraints if term.any)]
-        self.free_mass = self.bonded.free_mass(solid.mass)
+        self.free_mass = self.glued.free_mass(solid.mass)
         self._begin_motion(velocity)
         self.damping = _not_negative("damping", damping)
         #: At the start on this rank, and its growth where its definition changed since [J].
@@ -123,7 +123,7 @@ class Specimen(Stateful):
         self.damped = 0.0
         self.first_energies = np.empty(0)  #: of the added terms, on this rank [J]
         if gravity is not None:
-            weight = self.bonded.free_mass(weighed)
+            weight = self.glued.free_mass(weighed)
             weight[self.tools.borne_nodes()] = 0.0
             self.add_term(Gravity(mesh, weight, gravity, self.rigid))
 
@@ -133,7 +133,7 @@ class Specimen(Stateful):
             self.state.v[:] = velocity
             self.rigid.set_velocity(self.state.v)
             self.mirrors.project(self.state.v)
-            self.state.v[self.bonded.nodes] = 0.0
+            self.state.v[self.glued.nodes] = 0.0
         for constraint in self.constraints:
             constraint.lead(0.0, 0.0)
 
@@ -175,7 +175,7 @@ class Specimen(Stateful):
         raise_together(self.comm, message)
         self.terms.insert(self.terms.index(self.solid) + 1 + len(names), term)
         self.f += added
-        self.f[self.bonded.nodes] = 0.0
+        self.f[self.glued.nodes] = 0.0
         self.mirrors.project(self.f)
         self.first_energies = np.append(self.first_energies, energy)
 
@@ -192,7 +192,7 @@ class Specimen(Stateful):
             "state": self.state,
             "solid": self.solid,
             "rigid": self.rigid,
-            "bonded": self.bonded,
+            "bonded": self.glued,
             "walls": self.walls,
             "curved_walls": self.walls.curved,
             "near_walls": self.walls.near,
@@ -264,7 +264,7 @@ class Specimen(Stateful):
 
     def take_masses(self):
         """Follow a change of the nodal masses. Local."""
-        self.free_mass = self.bonded.free_mass(self.solid.mass)
+        self.free_mass = self.glued.free_mass(self.solid.mass)
 
     def check(self, finite):
         """Stop where an element fails or a value is not finite. Collective.

@@ -329,13 +329,13 @@ def _about_point(solid, mass, centre, inertia):
     return point, inertia
 
 
-def check_rigid(comm, rigid, bonded, kinematic, mass_factor):
+def check_rigid(comm, rigid, glued, kinematic, mass_factor):
     """What rigid grains cannot be used with, said on all ranks together. Collective.
 
     Args:
         comm: MPI communicator.
         rigid: :class:`RigidGrains`.
-        bonded: Nodes glued to walls, shape (num_bonded,).
+        glued: Nodes glued to walls, shape (num_glued,).
         kinematic: Whether the normal law of contact is the kinematic one.
         mass_factor: As of :class:`RigidGrains`.
 
@@ -348,15 +348,15 @@ def check_rigid(comm, rigid, bonded, kinematic, mass_factor):
         raise InputError(
             f"mass_factor varies over the rigid grain {uneven[0]}, expected the same all over it"
         )
-    glued = np.intersect1d(bonded, rigid.lists.nodes).size
-    num, glued = comm.allreduce(np.array([rigid.num_grains, glued]), op=MPI.SUM)
+    num_glued = np.intersect1d(glued, rigid.lists.nodes).size
+    num, num_glued = comm.allreduce(np.array([rigid.num_grains, num_glued]), op=MPI.SUM)
     if not num:
         return
     if kinematic:
         raise InputError('normal law of contact = kinematic, expected "matched" for rigid grains')
-    if glued:
+    if num_glued:
         raise InputError(
-            f"nodes of rigid grains on bonded walls = {glued}, expected none: deformable grains"
+            f"nodes of rigid grains on bonded walls = {num_glued}, expected none: deformable grains"
         )
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError
-from ..kernels.bulk.bonded import take_normal
+from ..kernels.bulk.glued import take_normal
 from ..state import Constraint
-from .bonded import on_wall
+from .glued import on_wall
 
 
 def nodes_on_mirrors(x, walls):
@@ -75,7 +75,7 @@ class Mirrors(Constraint):
         comm: MPI communicator.
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
         x: Reference positions of the mesh nodes [m], shape (num_nodes, 3).
-        bonded: Mesh nodes that are glued to a wall.
+        glued: Mesh nodes that are glued to a wall.
         rigid: Mesh nodes of grains that do not deform.
         kinematic: Whether the normal law of contact is the kinematic one.
 
@@ -83,7 +83,7 @@ class Mirrors(Constraint):
         InputError: As of :func:`check_mirrors`; rigid grains on a mirror; the kinematic law.
     """
 
-    def __init__(self, comm, walls, x, bonded, rigid, kinematic):
+    def __init__(self, comm, walls, x, glued, rigid, kinematic):
         self.walls = walls
         self.any = any(wall.mirror for wall in walls.walls)
         self.node = self.wall = np.empty(0, dtype=np.int32)
@@ -98,7 +98,7 @@ class Mirrors(Constraint):
             raise InputError(
                 f"nodes of rigid grains on mirrors = {num_rigid}, expected none: deformable grains"
             )
-        on[bonded] = False
+        on[glued] = False
         # Wall after wall: where two hold a node, one after the other takes its part.
         wall, node = np.nonzero(on.T)
         self.node, self.wall = node.astype(np.int32), wall.astype(np.int32)

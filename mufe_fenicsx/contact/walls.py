@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from ..arguments import check_fields, finite_number
 from ..errors import InputError, finite_array, nearest_name, shortened, shown
-from ..kernels.bulk.bonded import turn_rows
+from ..kernels.bulk.glued import turn_rows
 from ..kernels.bulk.motion import advance, work_of
 from ..kernels.contact.transfer import transfer_pairs
 from ..kernels.contact.walls import (
@@ -19,8 +19,8 @@ from ..kernels.contact.walls import (
     gaps_to_walls,
 )
 from ..state import Stateful
-from .bonded import find_bonded
 from .curved_walls import CurvedWalls
+from .glued import find_glued
 from .laws import edge_of_area, kinetic_of
 from .mirrors import nodes_on_mirrors
 from .near_walls import NearWalls
@@ -157,7 +157,7 @@ class Walls(Stateful):
         self.force = np.zeros((n, 3))  #: of this rank's grains on walls [N]
         self.torque = np.zeros((n, 3))  #: of these forces about ``point`` [N m]
         self.work = 0.0  #: done by walls on this rank's grains so far [J]
-        self.bonded = np.empty(0, dtype=np.int32)  #: wall that each surface node is glued to, or -1
+        self.glued = np.empty(0, dtype=np.int32)  #: wall that each surface node is glued to, or -1
         self.displacement = np.zeros((n, 3))  #: displacement in the last move [m]
         self.turn = np.zeros((n, 3))  #: rotation in the last move [rad]
         self.curved, self.near = CurvedWalls(self.walls), NearWalls(n)
@@ -279,7 +279,7 @@ class Walls(Stateful):
             x: Positions of this rank's surface nodes [m], shape (num_nodes, 3).
             label: Labels of their grains, shape (num_nodes,).
         """
-        self.bonded = find_bonded(x, label, self.walls)
+        self.glued = find_glued(x, label, self.walls)
 
     def search(self, x, nodes, points, reach, bound, yields, tools=None):
         """Find the points near each wall and transfer what their pairs remember. Local.
@@ -297,8 +297,8 @@ class Walls(Stateful):
         corner = points.corner
         if self.pairs is None:
             if tools is not None:
-                self.bonded[tools[0]] = -1
-            held = self.bonded[:, None] == np.arange(len(self.walls))
+                self.glued[tools[0]] = -1
+            held = self.glued[:, None] == np.arange(len(self.walls))
             held |= nodes_on_mirrors(nodes, self.walls)
             self._held = held[corner].all(axis=1)
             if tools is not None:

@@ -73,8 +73,8 @@ class IncrementEquations:
         self.comm, self.method, mesh = s.comm, method, s.mesh
         self._contact_tangent = ContactTangent(s.contact, mesh)
         led = s.rigid.lists.nodes  # of tools, the only rigid bodies here
-        bonded = np.concatenate([s.bonded.nodes, led])
-        self.held = HeldNodes(mesh, held, bonded, self._contact_tangent)
+        fixed = np.concatenate([s.glued.nodes, led])
+        self.held = HeldNodes(mesh, held, fixed, self._contact_tangent)
         self._u0 = fem.Function(mesh.V)
         part = 1.0 - self.method.force_of_start if self.method else 1.0
         if solver == "products":
@@ -221,5 +221,5 @@ class IncrementEquations:
         least = modulus[of_bodies].min(initial=math.inf)
         least = self.comm.allreduce(least, op=MPI.MIN)
         hold = least / modulus
-        hold[mesh.grain_of_node[self._specimen.bonded.nodes]] = 0.0
+        hold[mesh.grain_of_node[self._specimen.glued.nodes]] = 0.0
         return hold[mesh.grain_of_node] * self._stiffness

@@ -11,11 +11,11 @@ class HeldNodes:
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         held: Pairs (nodes of this rank, unit vector (3,)).
-        bonded: Nodes of this rank that are held in all directions.
+        fixed: Nodes of this rank that are held in all directions.
         contact_tangent: :class:`~mufe_fenicsx.contact.stiffness.tangent.ContactTangent`.
     """
 
-    def __init__(self, mesh, held, bonded, contact_tangent):
+    def __init__(self, mesh, held, fixed, contact_tangent):
         n = mesh.num_nodes
         self._contact_tangent, self._searched = contact_tangent, -1
         self._projector = np.tile(np.eye(3), (n, 1, 1))
@@ -25,7 +25,7 @@ class HeldNodes:
             count[nodes] += 1
             self._projector[nodes] -= np.outer(d, d)
         several, directions = count > 1, {}
-        several[bonded] = False
+        several[fixed] = False
         for nodes, d in held:
             nodes = np.atleast_1d(nodes)
             for node in nodes[several[nodes]]:  # along edges between mirrors
@@ -33,9 +33,9 @@ class HeldNodes:
         for node, along in directions.items():
             basis, size = np.linalg.svd(np.array(along))[2], np.linalg.matrix_rank(along)
             self._projector[node] = np.eye(3) - basis[:size].T @ basis[:size]
-        self._projector[bonded] = 0.0
+        self._projector[fixed] = 0.0
         self._is_held = count > 0
-        self._is_held[bonded] = True
+        self._is_held[fixed] = True
         self._any = mesh.comm.allreduce(int(self._is_held.any())) > 0
 
     def project(self, values):

@@ -359,7 +359,7 @@ class ImplicitSimulation(OfSpecimen):
         for constraint in constraints:
             farthest = max(farthest, constraint.drift(there, dt, 0.0, moves, field))
             constraint.complete(there)
-        for nodes in (specimen.bonded.nodes, specimen.rigid.lists.nodes):
+        for nodes in (specimen.glued.nodes, specimen.rigid.lists.nodes):
             self.prescribed[nodes] = (there.x - s.x)[nodes]
         return farthest
 

@@ -154,7 +154,7 @@ class Membrane:
         s = self.simulation
         if self._measured_at != s.state.num_steps:
             # Platens are horizontal, and the normal of the lower one points up.
-            along = s.specimen.bonded.force[self._platens, 2]
+            along = s.specimen.glued.force[self._platens, 2]
             local = np.array([-volume_beside(s.state.x, self._inner), -along[0], along[1]])
             if s.comm.size > 1:
                 s.comm.Allreduce(MPI.IN_PLACE, local)

@@ -50,7 +50,7 @@ def test_a_sample_in_a_membrane_and_its_energies():
     # Of central differences, (ω Δt)²/4 of what swings, and contacts that close.
     assert abs(energies["residual"]) < 5e-3 * fed
     # The glued ends alone move with the platens: nodes of the cylinder do not.
-    grain = s.mesh.grains[s.mesh.grain_of_node[s.specimen.bonded.nodes]]
+    grain = s.mesh.grains[s.mesh.grain_of_node[s.specimen.glued.nodes]]
     assert (grain == 1).all()
     # The membrane is pressed on the cylinder: within the space that was between, and its layer.
     height = H - 0.1 * s.state.t
@@ -79,7 +79,7 @@ def test_a_rim_that_moves_along_is_in_the_potential():
     state, cell = s.state, membrane.cell
     before = cell.energy(state)
     F = np.diag([0.97, 1.02, 0.9])
-    rim = np.unique(np.concatenate([cell.facets.ravel(), s.specimen.bonded.nodes]))
+    rim = np.unique(np.concatenate([cell.facets.ravel(), s.specimen.glued.nodes]))
     z = s.mesh.x[:, 2] / H
     work, steps = 0.0, 2000
     old = state.x.copy()

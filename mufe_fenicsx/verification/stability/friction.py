@@ -92,7 +92,7 @@ def flutter_theory(s, friction):
     K[3 * nodes + 2, 3 * nodes + 2] += k
     K[3 * nodes, 3 * nodes + 2] += friction * k
     free = np.ones(s.mesh.num_nodes, dtype=bool)
-    free[s.specimen.bonded.nodes] = False
+    free[s.specimen.glued.nodes] = False
     free = np.repeat(free, 3)
     mass = np.repeat(s.solid.mass, 3)
     n, m = free.sum(), on.size if friction > 0 else 0
@@ -127,7 +127,7 @@ def flutter(comm, coefficients=COEFFICIENTS, num_steps=4000, height=1.0):
         quiet = s.state.v.copy()
         s.state.v += 1e-4 * DRAW * mode  # noise would show it late, among all others
         free = np.ones(s.mesh.num_nodes, dtype=bool)
-        free[s.specimen.bonded.nodes] = False
+        free[s.specimen.glued.nodes] = False
         course, times = [], []
         for k in range(num_steps):
             s.step()

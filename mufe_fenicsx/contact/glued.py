@@ -3,12 +3,12 @@
 import numpy as np
 
 from ..errors import InputError
-from ..kernels.bulk.bonded import (
+from ..kernels.bulk.glued import (
     give_rows,
-    largest_of_bonded,
-    place_bonded,
-    squares_of_bonded,
-    take_bonded,
+    largest_of_glued,
+    place_glued,
+    squares_of_glued,
+    take_glued,
 )
 from ..state import Constraint
 
@@ -16,7 +16,7 @@ from ..state import Constraint
 TOLERANCE = 1e-9
 
 
-def find_bonded(x, label, walls):
+def find_glued(x, label, walls):
     """The wall that each node is glued to, -1 for none. Local.
 
     Args:
@@ -31,7 +31,7 @@ def find_bonded(x, label, walls):
 
 
 def glued_to(x, label, wall):
-    """Whether a wall glues nodes, arguments as of :func:`find_bonded`. Local."""
+    """Whether a wall glues nodes, arguments as of :func:`find_glued`. Local."""
     if not wall.bonded:
         return np.zeros(len(x), dtype=bool)
     on = on_wall(x, wall)
@@ -44,7 +44,7 @@ def on_wall(x, wall):
     return np.abs(wall.gap(x)) <= TOLERANCE * width
 
 
-class Bonded(Constraint):
+class Glued(Constraint):
     """The glued nodes of this rank.
 
     Their motion is that of the wall, in tension, compression and shear; what the
@@ -68,7 +68,7 @@ class Bonded(Constraint):
     STATE = {"sum": ("force",)}
 
     def __init__(self, mesh, walls, nodes):
-        self.mesh, self.walls, wall_of_node = mesh, walls, walls.bonded
+        self.mesh, self.walls, wall_of_node = mesh, walls, walls.glued
         on = np.flatnonzero(wall_of_node >= 0)
         self.nodes, self.wall = nodes[on], wall_of_node[on]
         self.before = mesh.x[self.nodes]
@@ -118,11 +118,11 @@ class Bonded(Constraint):
         """Carry the nodes along with their walls; their velocity is that of the step. Local."""
         if not self.nodes.size:
             return 0.0
-        place_bonded(
+        place_glued(
             state.x, state.u, state.v, self.velocity, self.before, self.mesh.x, self.nodes,
             self.wall, self.place, self.walls.point, self.walls.rotation, dt,
         )  # fmt: skip
-        return largest_of_bonded(
+        return largest_of_glued(
             moves, state.x, self.velocity, self.nodes, self.mesh.grain_of_node, field, dt
         )
 
@@ -130,7 +130,7 @@ class Bonded(Constraint):
         """Pass the forces ``f`` on the nodes on to their walls: the kick passes them by. Local."""
         if self.nodes.size:
             self.force[:] = self.walls.force
-            take_bonded(
+            take_glued(
                 f, self.walls.force, self.walls.torque, state.x, self.nodes, self.wall,
                 self.walls.point,
             )  # fmt: skip
@@ -141,7 +141,7 @@ class Bonded(Constraint):
         if not self.nodes.size or damping == 0.0:
             return 0.0
         scale = 1.0 / (1.0 + 0.5 * dt * damping)
-        return -dt * damping * scale**2 * squares_of_bonded(mass, self.velocity, self.nodes)
+        return -dt * damping * scale**2 * squares_of_glued(mass, self.velocity, self.nodes)
 
     def complete(self, state):
         """Velocity of the nodes in the last step. Local."""

@@ -6,8 +6,8 @@ import numba
 
 
 @numba.njit(cache=True)
-def place_bonded(x, u, v, velocity, before, x0, node, wall, place, point, rotation, dt):
-    """Carry the bonded nodes along with their walls, in place.
+def place_glued(x, u, v, velocity, before, x0, node, wall, place, point, rotation, dt):
+    """Carry the glued nodes along with their walls, in place.
 
         x = p + R X
 
@@ -15,11 +15,11 @@ def place_bonded(x, u, v, velocity, before, x0, node, wall, place, point, rotati
 
     Args:
         x, u, v: Positions and displacements [m], and velocities [m/s], shape (num_nodes, 3).
-        velocity: Mean velocities of the step [m/s], shape (num_bonded, 3).
-        before: Positions before the step, and after it on return [m], shape (num_bonded, 3).
+        velocity: Mean velocities of the step [m/s], shape (num_glued, 3).
+        before: Positions before the step, and after it on return [m], shape (num_glued, 3).
         x0: Reference positions [m], shape (num_nodes, 3).
-        node, wall: The bonded nodes and their walls, shape (num_bonded,).
-        place: X [m], shape (num_bonded, 3).
+        node, wall: The glued nodes and their walls, shape (num_glued,).
+        place: X [m], shape (num_glued, 3).
         point: p [m], shape (num_walls, 3).
         rotation: R, shape (num_walls, 3, 3).
         dt: Time step [s].
@@ -44,14 +44,14 @@ def give_rows(v, values, node):
 
 
 @numba.njit(cache=True)
-def take_bonded(f, wall_force, wall_torque, x, node, wall, point):
-    """Pass the forces ``f`` on bonded nodes on to their walls, and clear them.
+def take_glued(f, wall_force, wall_torque, x, node, wall, point):
+    """Pass the forces ``f`` on glued nodes on to their walls, and clear them.
 
     Args:
         f: Forces on nodes [N], shape (num_nodes, 3).
         wall_force: Forces on walls [N], shape (num_walls, 3).
         wall_torque: Their torques about ``point`` [N m], shape (num_walls, 3).
-        x, node, wall, point: As in :func:`place_bonded`.
+        x, node, wall, point: As in :func:`place_glued`.
     """
     for k in range(node.size):
         n, w = node[k], wall[k]
@@ -67,13 +67,13 @@ def take_bonded(f, wall_force, wall_torque, x, node, wall, point):
 
 
 @numba.njit(cache=True)
-def squares_of_bonded(mass, velocity, node):
-    """Sum of m v² of bonded nodes [J].
+def squares_of_glued(mass, velocity, node):
+    """Sum of m v² of glued nodes [J].
 
     Args:
         mass: Of all nodes [kg], shape (num_nodes,).
-        velocity: Of the bonded nodes [m/s], shape (num_bonded, 3).
-        node: These, shape (num_bonded,).
+        velocity: Of the glued nodes [m/s], shape (num_glued, 3).
+        node: These, shape (num_glued,).
     """
     total = 0.0
     for k in range(node.size):
@@ -83,14 +83,14 @@ def squares_of_bonded(mass, velocity, node):
 
 
 @numba.njit(cache=True)
-def largest_of_bonded(moves, x, velocity, node, grain_of_node, field, dt):
-    """How far bonded nodes move in a step beside a field, into the largest of their grains.
+def largest_of_glued(moves, x, velocity, node, grain_of_node, field, dt):
+    """How far glued nodes move in a step beside a field, into the largest of their grains.
 
     Args:
         moves, field: As of kernels.bulk.motion.
         x: Positions after the step [m], shape (num_nodes, 3).
-        velocity: Of the bonded nodes in it [m/s], shape (num_bonded, 3).
-        node: The bonded nodes, shape (num_bonded,).
+        velocity: Of the glued nodes in it [m/s], shape (num_glued, 3).
+        node: The glued nodes, shape (num_glued,).
         grain_of_node: Of all nodes, shape (num_nodes,).
         dt: Length of the step [s].
 
@@ -116,7 +116,7 @@ def largest_of_bonded(moves, x, velocity, node, grain_of_node, field, dt):
 def take_normal(f, wall_force, wall_torque, x, node, wall, point, normal):
     """Pass what the forces ``f`` on nodes have along the normal of a wall on to it, in place.
 
-    Arguments as of :func:`take_bonded`; a node may be there for several walls, whose normals
+    Arguments as of :func:`take_glued`; a node may be there for several walls, whose normals
     are at right angles.
 
     Args:
