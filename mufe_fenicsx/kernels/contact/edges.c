@@ -8,11 +8,11 @@
 #define DEEPEST 0.6
 /* Angle by which an open crossing may seem outside its facets by rounding [rad]. */
 #define APART 1e-3
-/* A crossing leaves to the next one from so near to its end on, in parts of its edge beyond END: a
-   little more than it fades out in. Farther inside, both carry: the next one came in from the side. */
-#define LEAVING (3.0 * END)
-/* How far from its end, in parts of its edge, the next one may be that pierces no facet. */
-#define ARRIVING (10.0 * END)
+/* A crossing takes over where it has faded in by no more than so many times what the other one has
+   faded out by: edges are uneven. Else it came in from the side, beside one that stays. */
+#define UNEVEN 1.5
+/* How far from its end, in parts of its edge, one may be that takes over and pierces no facet. */
+#define ARRIVING END
 /* How far ``outside`` a crossing is whose edges or facets end before they meet. */
 #define UNPIERCED 2.0
 /* Crossings up to this part of their edges, or this angle [rad], outside can carry soon. */
@@ -62,11 +62,6 @@ static void look(const edge_pairs_type *m, found_type *found, int64_t p, double 
   const crossing_type now = crossing(m->x, e, i, j);
   s->outside = now.outside;
   if (now.gap < INFINITY) { /* not parallel */
-    /* What the stiffness changes by along even edges is a work of the forces. */
-    if (s->closed)
-      s->stiffness = in_series(at_place(e, i, j, two_of(s->place)), now.place, e->compliance[i],
-                               e->compliance[j])
-                         .stiffness;
     s->gap = now.gap, s->normal = now.normal;
     set_two(s->place, now.place);
   }
@@ -105,14 +100,20 @@ INLINE int goes_on(const edges_type *e, int64_t i, int64_t j) {
   return i == j;
 }
 
-/* The deepest closed crossing that fades out, or has left, where that of s goes on; NULL if none.
-   Both edges of s are its edges, or go on from these. */
+/* The part of a closed crossing that has faded out. */
+INLINE double lost_by(const edge_pairs_type *m, const edge_pair_row *q) {
+  return q->outside > 0.0 ? 1.0 : 1.0 - stiffness_now(m, q).fade;
+}
+
+/* The deepest closed crossing that fades out, or has left, where that of s fades in; NULL if none. Both
+   edges of s are its edges, or go on from these. */
 static const edge_pair_row *left_to(const edge_pairs_type *m, int64_t num_due,
                                     const edge_pair_row *s) {
   const edge_pair_row *best = NULL;
+  const double fade = stiffness_now(m, s).fade;
   for (int64_t k = 0; k < num_due; k++) {
     const edge_pair_row *q = m->row + m->scratch[k];
-    if (q->closed && q->outside > -LEAVING && (!best || q->gap < best->gap) &&
+    if (q->closed && (!best || q->gap < best->gap) && fade <= UNEVEN * lost_by(m, q) &&
         goes_on(&m->edges, q->first, s->first) && goes_on(&m->edges, q->second, s->second))
       best = q;
   }
@@ -177,7 +178,7 @@ static void add_one(const edge_pairs_type *m, found_type *found, int64_t p, doub
   if (m->next_check[p] > bound || !(s->closed || s->outside <= 0.0)) return;
   const place_type at = two_of(s->place);
   const two_edges both = edges_of(m, s);
-  const double depth = depth_now(s), carried = s->stiffness;
+  const double depth = depth_now(s);
   place_type by = {s->stick_point[0] - at.s, s->stick_point[1] - at.t};
   vec3 spring = between(both, by);
   const double trial = length(spring);
@@ -194,13 +195,8 @@ static void add_one(const edge_pairs_type *m, found_type *found, int64_t p, doub
   }
   const series_type k = stiffness_now(m, s);
   const double kn = k.stiffness, kt = kn * s->ratio;
-  if (s->closed) {
-    found->switched += energy_over(s, carried - kn, depth);
-    found->switched += (carried - kn) * half;
-  } else {
-    found->switched -= kn * half;
-    s->closed = 1;
-  }
+  if (!s->closed) found->switched -= kn * half;
+  s->closed = 1;
   s->stiffness = kn;
   m->next_check[p] = bound;
   if (s->sliding) {
@@ -257,9 +253,8 @@ int64_t mufe_find_springs(const edge_pairs_type *m, int64_t *on, double *k, doub
   for (int64_t p = 0; p < num_pairs; p++) {
     const edge_pair_row *s = m->row + p;
     if (!s->closed && !can_close(s, m->next_check[p] - bound, margin)) continue;
-    /* As if it did not fade out where one edge goes on as the next, and were at nodes. */
     on[count] = p;
-    k[count++] = at_place(&m->edges, s->first, s->second, two_of(s->place)).stiffness;
+    k[count++] = stiffness_now(m, s).at_ends;
   }
   return count;
 }
@@ -267,14 +262,10 @@ int64_t mufe_find_springs(const edge_pairs_type *m, int64_t *on, double *k, doub
 /* Areas that the closed crossings ``on`` stand for, and q, r and Q of push_along, rows of five. */
 void mufe_areas_and_pushes(const edge_pairs_type *m, double *area, double *pushes,
                            const int64_t *on, int64_t num) {
-  const edges_type *e = &m->edges;
   for (int64_t k = 0; k < num; k++) {
     const edge_pair_row *s = m->row + on[k];
-    const int32_t i = s->first, j = s->second;
-    const place_type at = two_of(s->place);
-    const even_type even = at_place(e, i, j, at);
-    area[k] = even.fade * even.stiffness * (e->layer[i] + e->layer[j]);
-    const series_type now = in_series(even, at, e->compliance[i], e->compliance[j]);
+    const series_type now = stiffness_now(m, s);
+    area[k] = now.area;
     const double T2 = dot(s->shear, s->shear), kn = now.stiffness, kt = kn * s->ratio;
     const double of_friction = T2 > 0.0 ? 0.5 * T2 / kt / kn : 0.0;
     const double stored = energy_over(s, 1.0, depth_now(s)) + of_friction;
