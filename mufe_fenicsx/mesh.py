@@ -1,9 +1,10 @@
 """One DOLFINx mesh of all grains, each grain whole on one rank."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import basix.ufl
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc  # noqa: F401  starts it, and with it its handlers of signals
 
 from .errors import raise_on_broken_pipes, raise_together
-from .kernels.geometry.topology import FACETS, body_defect
+from .kernels.geometry.topology import FACETS, body_defect, inner_facets, part_nodes
 from .machine.notebook import html_table
 from .units import with_unit
 
@@ -64,22 +65,37 @@ def partition_grains(weights: ArrayLike, centroids: ArrayLike, num_ranks: int) -
     return rank_of_grain
 
 
-@dataclass(frozen=True)
-class GrainMesh:
-    """Grains of this rank as part of one distributed DOLFINx mesh without ghosts.
-
-    Nodes are numbered as the degrees of freedom of ``V``; all arrays are local.
-    Build it with :func:`create_grain_mesh`.
-    """
+class View(NamedTuple):
+    """The DOLFINx mesh of one version of a :class:`GrainMesh`, without ghosts."""
 
     mesh: mesh.Mesh  #: the DOLFINx mesh
     V: fem.FunctionSpace  #: continuous piecewise linear vectors
+    cell_order: np.ndarray  #: DOLFINx cell of each row of ``cells``, shape (num_cells,)
+    node_of_dof: np.ndarray  #: node at each degree of freedom of ``V``, shape (num_nodes,)
+
+
+class Source(NamedTuple):
+    """Rows that those of a grown mesh come from, in the mesh before."""
+
+    nodes: np.ndarray  #: old node of each node, shape (num_nodes,)
+    cells: np.ndarray  #: old row of each cell, which is its own, shape (num_cells,)
+    facets: np.ndarray  #: old facet of each facet, -1 of those that opened, shape (num_facets,)
+
+
+@dataclass(frozen=True)
+class GrainMesh:
+    """Grains of this rank as part of one distributed mesh. All arrays are local.
+
+    Build it with :func:`create_grain_mesh`; :meth:`grow` opens facets. The nodes of a grain have
+    numbers in a row. Those of version 0 are numbered as the degrees of freedom of ``V``.
+    """
+
+    comm: MPI.Intracomm  #: communicator of the mesh
     labels: np.ndarray  #: labels of the grains of all ranks, shape (num_grains_global,)
     rank_of_grain: np.ndarray  #: their ranks, shape (num_grains_global,)
     grains: np.ndarray  #: indices into ``labels`` of this rank's grains, shape (num_grains,)
     x: np.ndarray  #: reference positions of nodes [m], shape (num_nodes, 3)
     cells: np.ndarray  #: nodes of cells, grain after grain, int32, shape (num_cells, 4)
-    cell_order: np.ndarray  #: DOLFINx cell of each row of ``cells``, shape (num_cells,)
     cell_offset: np.ndarray  #: first row of each grain, shape (num_grains + 1,)
     nodes: np.ndarray  #: nodes, grain after grain, int32, shape (num_nodes,)
     node_offset: np.ndarray  #: first entry of each grain, shape (num_grains + 1,)
@@ -90,6 +106,14 @@ class GrainMesh:
     cylinder: np.ndarray | None = None  #: that cut the grains: x, y, radius [m], shape (3,)
     sleeves: tuple[str, ...] = ()  #: names of bodies after the grains in ``labels``, around them
     tools: tuple[str, ...] = ()  #: names of the last of ``labels``, which are tools and no grains
+    first_view: View | None = None  #: of version 0, whose communicator all versions have
+    first_node: int = 0  #: number of this rank's first node among those of all ranks
+    #: Numbers by which nodes and cells of a grain are named; None: as they were given to ``view``.
+    given: tuple[np.ndarray, np.ndarray] | None = None
+    version: int = 0  #: how often the mesh has grown, the same on all ranks
+    source: Source | None = None  #: rows of the version before; None at version 0
+    #: What was opened so far: rows (cell, cell across, version that the facet opened in).
+    opened: list[np.ndarray] = field(default_factory=list)
 
     def _repr_html_(self) -> str:
         """Counts and size of this rank's part in a short table, which notebooks show. Local."""
@@ -107,10 +131,39 @@ class GrainMesh:
             ],
         )
 
+    @cached_property
+    def view(self) -> View:
+        """The DOLFINx mesh of this version, made when it is first asked for. Collective then."""
+        if self.version == 0:
+            return self.first_view
+        first_cell = self.comm.exscan(self.num_cells) or 0
+        domain = _create_domain(self.comm, self.x, self.cells.astype(np.int64) + self.first_node)
+        V = _vectors_on(domain)
+        cell_order = np.empty(self.num_cells, dtype=np.int32)
+        cell_order[domain.topology.original_cell_index - first_cell] = np.arange(self.num_cells)
+        node_of_dof = np.empty(self.num_nodes, dtype=np.int32)
+        node_of_dof[V.dofmap.list] = _given_nodes(domain) - self.first_node
+        return View(domain, V, cell_order, node_of_dof)
+
     @property
-    def comm(self) -> MPI.Intracomm:
-        """MPI communicator of the mesh."""
-        return self.mesh.comm
+    def mesh(self) -> mesh.Mesh:
+        """The DOLFINx mesh of :attr:`view`."""
+        return self.view.mesh
+
+    @property
+    def V(self) -> fem.FunctionSpace:
+        """Continuous piecewise linear vectors on :attr:`view`."""
+        return self.view.V
+
+    @property
+    def cell_order(self) -> np.ndarray:
+        """DOLFINx cell of each row of ``cells``, shape (num_cells,)."""
+        return self.view.cell_order
+
+    @property
+    def node_of_dof(self) -> np.ndarray:
+        """Node at each degree of freedom of ``V``, shape (num_nodes,)."""
+        return self.view.node_of_dof
 
     @property
     def num_cells(self) -> int:
@@ -195,15 +248,20 @@ class GrainMesh:
     @cached_property
     def named_nodes(self) -> np.ndarray:
         """Nodes grain after grain, in each as they were given: an order that knows no ranks."""
-        given = np.empty(self.num_nodes, dtype=np.int64)
-        geometry = self.mesh.geometry
-        given[self.V.dofmap.list] = geometry.input_global_indices[geometry.dofmaps[0]]
+        if self.given is None:
+            given = np.empty(self.num_nodes, dtype=np.int64)
+            given[self.V.dofmap.list] = _given_nodes(self.mesh)
+        else:
+            given = self.given[0]
         return np.lexsort((given, self.grain_of_node)).astype(np.int32)
 
     @cached_property
     def named_cells(self) -> np.ndarray:
         """Rows of ``cells`` grain after grain, in each as they were given."""
-        given = self.mesh.topology.original_cell_index[self.cell_order]
+        if self.given is None:
+            given = self.mesh.topology.original_cell_index[self.cell_order]
+        else:
+            given = self.given[1]
         return np.lexsort((given, self.grain_of_cell)).astype(np.int32)
 
     def cell_function(self, values: np.ndarray) -> fem.Function:
@@ -211,6 +269,98 @@ class GrainMesh:
         function = fem.Function(fem.functionspace(self.mesh, ("DG", 0)))
         function.x.array[self.cell_order] = values
         return function
+
+    def function(self, values: np.ndarray) -> fem.Function:
+        """DOLFINx function on ``V`` from values at nodes, shape (num_nodes, 3)."""
+        function = fem.Function(self.V)
+        function.x.array[:] = values[self.node_of_dof].ravel()
+        return function
+
+    def inner_facets(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes of the facets between two cells, (n, 3), and rows of both cells, (n, 2). Local."""
+        return inner_facets(self.cells)
+
+    def grow(self, between: ArrayLike) -> "GrainMesh":
+        """The mesh after facets between cells have opened. Collective.
+
+        Two cells stay joined at a node where a path of cells around it joins them, through facets
+        that never opened. A node whose cells are not all joined is doubled, once for each further
+        part. A facet all of whose nodes are still those of both cells is no surface yet: it waits
+        for others to open around it.
+
+        Each part of a node has its place. The first one, by the names of its cells, keeps its name;
+        others are named after the last node of their grain. Rows of cells stay.
+
+        Args:
+            between: Pairs of rows of ``cells`` on the two sides of each facet, as of
+                :meth:`inner_facets`, shape (n, 2); those of this rank's grains.
+
+        Returns:
+            The next version, with ``source``; this mesh itself where no rank has a node to part.
+
+        Raises:
+            InputError: A pair is none of rows of ``cells`` that share a facet; on all ranks.
+        """
+        pairs, message = _pairs_of_cells(self, between)
+        raise_together(self.comm, message)
+        row = np.column_stack([pairs, np.full(len(pairs), self.version + 1)])
+        opened = np.concatenate([*self.opened, row])
+        name_of_cell = np.empty(self.num_cells, dtype=np.int64)
+        name_of_cell[self.named_cells] = np.arange(self.num_cells)
+        cells, parted = part_nodes(self.cells, opened[:, :2], pairs, name_of_cell)
+        if not self.comm.allreduce(parted.size):
+            self.opened[:] = [opened]
+            return self
+        name_of_node = np.empty(self.num_nodes, dtype=np.int64)
+        name_of_node[self.named_nodes] = np.arange(self.num_nodes)
+        return self._with_parted(cells, parted, (name_of_node, name_of_cell), opened)
+
+    def _with_parted(self, cells, parted, given, opened):
+        """The next version. Collective.
+
+        Args:
+            cells: New nodes of the cells: ``num_nodes`` + k where they have part k.
+            parted: Old nodes of these parts, shape (num_parts,).
+            given: Names of old nodes and cells.
+            opened: As the field of that name.
+        """
+        num = self.num_nodes
+        # Parts stand after the last node of their grain, by the name of their old node.
+        last = np.maximum.reduceat(self.nodes, self.node_offset[:-1])
+        order = np.argsort(given[0][parted], kind="stable")
+        place = np.concatenate([np.arange(num), last[self.grain_of_node[parted[order]]]])
+        source = np.concatenate([np.arange(num), parted[order]])
+        by_place = np.argsort(place, kind="stable")
+        new_number = np.empty(num + parted.size, dtype=np.int32)
+        new_number[np.concatenate([np.arange(num), num + order])[by_place]] = np.arange(place.size)
+        source, new_cells = source[by_place], new_number[cells]
+        grain_of_node = self.grain_of_node[source]
+        nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
+        facets, grain_of_facet, cell_of_facet = _boundary(new_cells, self.cell_offset)
+        name = np.concatenate([given[0], num + np.arange(parted.size)])[by_place]
+        return replace(
+            self,
+            x=self.x[source],
+            cells=new_cells,
+            nodes=nodes,
+            node_offset=np.searchsorted(grain_of_node[nodes], np.arange(self.num_grains + 1)),
+            grain_of_node=grain_of_node,
+            facets=facets,
+            grain_of_facet=grain_of_facet,
+            cell_of_facet=cell_of_facet,
+            first_node=self.comm.exscan(source.size) or 0,
+            given=(name, given[1]),
+            version=self.version + 1,
+            source=Source(
+                source,
+                np.arange(self.num_cells),
+                _rows_of(
+                    sides_of(self.cells, self.facets, self.cell_of_facet),
+                    sides_of(new_cells, facets, cell_of_facet),
+                ),
+            ),
+            opened=[opened],
+        )
 
 
 def create_grain_mesh(
@@ -243,11 +393,7 @@ def create_grain_mesh(
     first_node = comm.exscan(points.shape[0]) or 0
     first_cell = comm.exscan(cells.shape[0]) or 0
     domain = _create_domain(comm, points, cells.astype(np.int64) + first_node)
-    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
-    if V.dofmap.index_map.num_ghosts:
-        raise RuntimeError(
-            f"ghosts = {V.dofmap.index_map.num_ghosts}, expected a grain on one rank"
-        )
+    V = _vectors_on(domain)
     grain_of_cell = cell_grain[domain.topology.original_cell_index - first_cell]
     cell_order = np.argsort(grain_of_cell, kind="stable").astype(np.int32)
     grains, cell_offset = np.unique(grain_of_cell[cell_order], return_index=True)
@@ -268,14 +414,12 @@ def create_grain_mesh(
     facets, grain_of_facet, cell_of_facet = _boundary(dofs, cell_offset)
     _check_elements(comm, x, dofs, cell_offset, facets, grain_of_facet, np.asarray(labels)[grains])
     return GrainMesh(
-        mesh=domain,
-        V=V,
+        comm=domain.comm,
         labels=np.asarray(labels),
         rank_of_grain=np.asarray(rank_of_grain),
         grains=grains,
         x=x,
         cells=dofs,
-        cell_order=cell_order,
         cell_offset=cell_offset,
         nodes=nodes,
         node_offset=node_offset,
@@ -285,6 +429,8 @@ def create_grain_mesh(
         cell_of_facet=cell_of_facet,
         sleeves=tuple(sleeves),
         tools=tuple(tools),
+        first_view=View(domain, V, cell_order, np.arange(len(x), dtype=np.int32)),
+        first_node=V.dofmap.index_map.local_range[0],
     )
 
 
@@ -307,6 +453,21 @@ def _create_domain(comm, points, cells):
 
     points = np.ascontiguousarray(points, dtype=np.float64)
     return mesh.create_mesh(comm, cells, element, points, stay)
+
+
+def _vectors_on(domain):
+    """Continuous piecewise linear vectors on a mesh whose ranks share no nodes."""
+    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    if V.dofmap.index_map.num_ghosts:
+        raise RuntimeError(
+            f"ghosts = {V.dofmap.index_map.num_ghosts}, expected a grain on one rank"
+        )
+    return V
+
+
+def _given_nodes(domain):
+    """Nodes of the cells of a DOLFINx mesh by the numbers that they were given with, (n, 4)."""
+    return domain.geometry.input_global_indices[domain.geometry.dofmaps[0]]
 
 
 def _check_bodies(comm, points, cells, cell_grain, labels):
@@ -397,3 +558,43 @@ def _boundary(cells, cell_offset):
         count.append(outer.size)
     grain = np.repeat(np.arange(len(count), dtype=np.int32), count)
     return np.concatenate(found), grain, np.concatenate(beneath)
+
+
+def _pairs_of_cells(mesh, between):
+    """Pairs of cells as integers, and the line for what shares no facet, or None. Local."""
+    pairs = np.asarray(between)
+    if not pairs.size:
+        return np.empty((0, 2), dtype=np.int64), None
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
+        return np.empty((0, 2), dtype=np.int64), (
+            f"facets to open of shape {pairs.shape} ({pairs.dtype}), expected pairs of rows of "
+            "cells, whole numbers of shape (n, 2)"
+        )
+    pairs = pairs.astype(np.int64)
+    wrong = ((pairs < 0) | (pairs >= mesh.num_cells)).any(axis=1)
+    one, other = mesh.cells[np.where(wrong[:, None], 0, pairs)].transpose(1, 0, 2)
+    wrong |= (one[:, :, None] == other[:, None, :]).sum(axis=(1, 2)) != 3
+    if not wrong.any():
+        return pairs, None
+    a, b = pairs[np.argmax(wrong)]
+    return pairs, (
+        f"facet to open between the cells {a} and {b}, expected two of {mesh.num_cells} rows of "
+        "cells that share a facet"
+    )
+
+
+def sides_of(cells, facets, cell_of_facet):
+    """Numbers of sides of cells: 4 c + i of a facet across from corner i of cell c. Local.
+
+    Args:
+        cells: Nodes of the cells, shape (num_cells, 4).
+        facets, cell_of_facet: Nodes of facets, shape (num_facets, 3), and the cells beneath.
+    """
+    shared = (cells[cell_of_facet][:, :, None] == facets[:, None, :]).any(axis=2)
+    return 4 * cell_of_facet.astype(np.int64) + np.argmin(shared, axis=1)
+
+
+def _rows_of(known, wanted):
+    """Row of each wanted number among known, increasing ones, -1 where there is none."""
+    row = np.minimum(np.searchsorted(known, wanted), max(known.size - 1, 0))
+    return np.where(known[row] == wanted, row, -1) if known.size else np.full(wanted.size, -1)

@@ -7,7 +7,6 @@ for its equilibria.
 from dataclasses import fields
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from .bulk.added_term import name_failure, try_term
@@ -67,6 +66,7 @@ class Specimen(Stateful):
         "nodes": ("f",),
         "sum": ("initial_kinetic", "first_energies", "damped"),
     }
+    SHARED = ("f",)
 
     def __init__(
         self,
@@ -91,12 +91,8 @@ class Specimen(Stateful):
         if mass_factor is not None:
             solid.mass *= mass_factor
         self.walls = Walls(walls)
-        # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
-        self.u, self.v, self.force = (fem.Function(mesh.V) for _ in range(3))
-        self.f = self.force.x.array.reshape(-1, 3)
-        self.state = initial_state(
-            mesh.x, mesh.num_cells, self.u.x.array.reshape(-1, 3), self.v.x.array.reshape(-1, 3)
-        )
+        self.f = np.zeros((mesh.num_nodes, 3))
+        self.state = initial_state(mesh.x, mesh.num_cells)
         settings = _settings_of_contact(contact).with_tools(mesh.first_tool, tools)
         grains = ContactGrains(
             solid.contact_modulus, solid.tangential_ratio, solid.mass,
@@ -126,6 +122,9 @@ class Specimen(Stateful):
             weight = self.glued.free_mass(weighed)
             weight[self.tools.borne_nodes()] = 0.0
             self.add_term(Gravity(mesh, weight, gravity, self.rigid))
+        if self.any_rigid:
+            s = self.state
+            self.contact.before_search = lambda: self.rigid.place_all(s.x, s.u)
 
     def _begin_motion(self, velocity):
         """Initial velocities, and those that are told. Local."""
@@ -173,11 +172,15 @@ class Specimen(Stateful):
         except InputError as error:
             message = str(error)
         raise_together(self.comm, message)
-        self.terms.insert(self.terms.index(self.solid) + 1 + len(names), term)
+        self.insert_term(term)
         self.f += added
         self.f[self.glued.nodes] = 0.0
         self.mirrors.project(self.f)
         self.first_energies = np.append(self.first_energies, energy)
+
+    def insert_term(self, term):
+        """Put a term after those of users before it, without any look at it. Local."""
+        self.terms.insert(self.terms.index(self.solid) + 1 + len(self.added_terms), term)
 
     @property
     def any_rigid(self):
@@ -220,8 +223,6 @@ class Specimen(Stateful):
     def start(self):
         """Forces of the initial state; overlaps there are accepted. Collective."""
         s, contact = self.state, self.contact
-        if self.any_rigid:
-            contact.before_search = lambda: self.rigid.place_all(s.x, s.u)
         contact.begin_step(s.x)
         self.f[:] = 0.0
         # Of the terms, all but that of contact, which what moves the specimen brings.
@@ -447,18 +448,26 @@ class OfSpecimen(Stateful):
 
     @property
     def u(self):
-        """Displacement as a function of DOLFINx [m]."""
-        return self.specimen.u
+        """Displacement as a function of DOLFINx [m], made anew. Collective after a growth."""
+        return self.mesh.function(self.state.u)
 
     @property
     def v(self):
-        """Velocity as a function of DOLFINx [m/s]."""
-        return self.specimen.v
+        """Velocity as a function of DOLFINx [m/s], as :attr:`u`."""
+        return self.mesh.function(self.state.v)
 
     @property
     def force(self):
-        """Sum of the forces on the nodes as a function of DOLFINx [N]."""
-        return self.specimen.force
+        """Sum of the forces on the nodes as a function of DOLFINx [N], as :attr:`u`."""
+        return self.mesh.function(self.specimen.f)
+
+    def grow(self, between):
+        """Open facets between cells, as :meth:`.explicit.simulation.Simulation.grow`. Collective.
+
+        Raises:
+            InputError: These are increments.
+        """
+        raise InputError("growth of the mesh in increments, expected steps in time")
 
     @property
     def initial_kinetic(self):

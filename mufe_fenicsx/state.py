@@ -20,9 +20,13 @@ class Stateful:
     - ``here``: of this rank's arrays of now, which a checkpoint makes anew in another way.
 
     What refers to another object has its own :meth:`state_dict`.
+
+    Where a mesh grows, each part of a node that is doubled has the rows of that; but of sums over
+    the nodes, which :attr:`SHARED` names, each part has the share of its mass.
     """
 
     STATE = {}  #: place -> names of attributes
+    SHARED = ()  #: those of ``nodes`` that are sums, as forces and masses
 
     def state_dict(self):
         """{place: {name: value}}; arrays are those of now, not copies. Local."""
@@ -30,6 +34,25 @@ class Stateful:
             place: {name: getattr(self, name) for name in names}
             for place, names in self.STATE.items()
         }
+
+    def grown(self, source, share):
+        """What :meth:`state_dict` tells, with rows for a mesh that has grown. Local.
+
+        What is ``here`` is left out.
+
+        Args:
+            source: :class:`~mufe_fenicsx.mesh.Source` of the rows.
+            share: Mass of each node over that of the node that it comes from, (num_nodes,).
+        """
+        rows = {"nodes": source.nodes, "cells": source.cells}
+        kept = {place: dict(of) for place, of in self.state_dict().items() if place != "here"}
+        for place in rows.keys() & kept.keys():
+            for name, values in kept[place].items():
+                kept[place][name] = values[rows[place]]
+        for name in self.SHARED:
+            values = kept["nodes"][name]
+            kept["nodes"][name] = (values.T * share).T
+        return kept
 
     def load_state_dict(self, kept):
         """Become what :meth:`state_dict` told; arrays take values in place. Local."""
@@ -84,19 +107,15 @@ class State(Stateful):
     halfway: bool = False
 
 
-def initial_state(x, num_cells, u=None, v=None):
-    """At rest and without stress, at the positions ``x``, shape (num_nodes, 3).
-
-    ``u`` and ``v`` are the arrays to use for displacement and velocity, for
-    instance views of vectors that live elsewhere; otherwise new ones are made.
-    """
+def initial_state(x, num_cells):
+    """At rest and without stress, at the positions ``x``, shape (num_nodes, 3)."""
     return State(
         t=0.0,
         dt=0.0,
         num_steps=0,
         x=x.copy(),
-        u=np.zeros_like(x) if u is None else u,
-        v=np.zeros_like(x) if v is None else v,
+        u=np.zeros_like(x),
+        v=np.zeros_like(x),
         a=np.zeros_like(x),
         deviator=np.zeros((num_cells, 6)),
         plastic_strain=np.zeros(num_cells),
@@ -168,6 +187,24 @@ class ForceTerm(Stateful):
             What :meth:`~mufe_fenicsx.bulk.far_nodes.FarNodes.springs` gives.
         """
         return None
+
+    def grow(self, mesh, share):
+        """Go on with a mesh that has grown. Collective.
+
+        Rows of nodes and cells that :attr:`STATE` names follow, and :meth:`load_tables` is called
+        with the tables of before: names of nodes stay. A term that keeps anything else of nodes,
+        cells or facets needs its own method, and all need a :attr:`mesh`.
+
+        Args:
+            mesh: The :class:`~mufe_fenicsx.mesh.GrainMesh`, with the ``source`` of its rows.
+            share: As of :meth:`grown`.
+        """
+        tables, kept = self.tables(), self.grown(mesh.source, share)
+        self.mesh = mesh
+        for place in ("nodes", "cells"):
+            for name, values in kept.get(place, {}).items():
+                setattr(self, name, values)
+        self.load_tables(tables)
 
     def tables(self):
         """Tables that a checkpoint keeps: {name: {column: array}}, one row a thing. Local.

@@ -40,6 +40,7 @@ from mufe_fenicsx.run import from_scene, resume_check, scene_file, scene_tools
 from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.run.report import draw_report
 from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.run.snapshot import restore_mesh
 from mufe_fenicsx.scene import load_scene
 from mufe_fenicsx.state import ForceTerm
 from tests.bodies import simulation_of
@@ -233,6 +234,13 @@ def tool_without_a_file(folder):
     scene_tools.checksums_of_files(COMM, SimpleNamespace(tools=[table]))
 
 
+def opened_elsewhere(_):
+    """A facet of the last rank's checkpoint between cells that there are not."""
+    here = np.full(int(COMM.rank == LAST), 10**6)
+    columns = {"grain": 0 * here + LAST, "cell": here, "across": here, "version": here}
+    restore_mesh(cubes(), {"topology": columns})
+
+
 def create_folder(folder, name="run"):
     run_folder.create_run_folder(COMM, folder / name, RunLock(COMM, folder / name))
 
@@ -292,6 +300,12 @@ CASES = {
         LAST, lambda _: cubes(), "mesh.body_defect", WRONG),
     "mesh.py _check_elements": Case(
         LAST, lambda _: cubes(lambda x: x * [1, 1, 0]), says="volume of an element of grain"),
+    "mesh.py GrainMesh.grow": Case(
+        LAST, lambda _: cubes().grow([[0, 0]] if COMM.rank == LAST else []), says="facet to open"),
+    "explicit/simulation.py Simulation.grow": Case(
+        LAST, lambda _: simulation_of(cubes(), ROCK).grow([]),
+        "explicit.simulation.what_cannot_grow", WRONG),
+    "run/snapshot.py restore_mesh": Case(LAST, opened_elsewhere, says="a facet that opened is"),
     "output/checkpoint.py CheckpointWriter.write 1": Case(
         FIRST, write_checkpoint, "output.checkpoint._new_folder", FULL),
     "output/checkpoint.py CheckpointWriter.write 2": Case(

@@ -23,7 +23,7 @@ class FarNodes:
 
     Attributes:
         at: Nodes of this rank that some rank asks for, increasing, shape (num_at,).
-        global_nodes: The nodes asked for as numbers over all ranks, as DOLFINx has them, (num,).
+        global_nodes: The nodes asked for as numbers over all ranks, shape (num,).
 
     Raises:
         InputError: There is no such node; on all ranks together.
@@ -41,8 +41,9 @@ class FarNodes:
         raise_together(comm, _what_is_missing(names, asked))
         self.at = at = np.unique(np.concatenate(asked)).astype(np.int32)
         first = comm.exscan(at.size) or 0
-        dof = mesh.V.dofmap.index_map.local_range[0]
-        answers = comm.alltoall([(first + np.searchsorted(at, n), dof + n) for n in asked])
+        answers = comm.alltoall(
+            [(first + np.searchsorted(at, n), mesh.first_node + n) for n in asked]
+        )
         place, self.global_nodes = np.empty((2, grain.size), dtype=np.int64)
         for part, (places, nodes) in zip(parts, answers, strict=True):
             place[part], self.global_nodes[part] = places, nodes

@@ -60,8 +60,6 @@ class SolidTangent:
 
     Args:
         solid: :class:`~mufe_fenicsx.bulk.solid.Solid`, all of whose grains deform.
-        u, u0: DOLFINx functions on ``mesh.V``: displacements now and at the start of the
-            increment [m].
 
     Attributes:
         offset, columns: Compressed rows of 3 × 3 blocks, a row for each node of the mesh.
@@ -69,9 +67,11 @@ class SolidTangent:
         residual: The form r(u; v): forces on nodes [N] with the opposite sign.
     """
 
-    def __init__(self, solid, u, u0):
+    def __init__(self, solid):
         self.solid, self.mesh = solid, solid.mesh
         mesh = self.mesh
+        # Displacements now and at the start of the increment [m].
+        self._u, self._u0 = u, u0 = fem.Function(mesh.V), fem.Function(mesh.V)
         cells = fem.functionspace(mesh.mesh, ("DG", 0))
         self._averaged = solid.element == "averaged"
         volumes = fem.functionspace(mesh.mesh, ("Lagrange", 1)) if self._averaged else cells
@@ -107,7 +107,7 @@ class SolidTangent:
 
     def _make_pattern(self, volumes):
         """Where the blocks of all terms go."""
-        mesh = self.mesh
+        mesh, of_dof = self.mesh, self.mesh.node_of_dof
         bulk = self._bulk
         _values_of(self._by_volume, self._forms[1])  # entries appear as they are set
         indptr, columns = _local_rows(self._by_volume)[:2]
@@ -115,32 +115,37 @@ class SolidTangent:
         num_rows = indptr.size - 1
         row = np.empty(num_rows, dtype=np.int64)
         if self._averaged:
-            row[volumes.dofmap.list] = mesh.V.dofmap.list
+            row[volumes.dofmap.list] = of_dof[mesh.V.dofmap.list]
         else:
             row[mesh.cell_order] = np.arange(num_rows)
         self._row_of_volume = row
-        entry_row, columns = np.repeat(row, np.diff(indptr)), columns.astype(np.int64)
+        entry_row = np.repeat(row, np.diff(indptr))
+        columns = 3 * of_dof[columns // 3].astype(np.int64) + columns % 3
         key, entry = np.unique(entry_row * mesh.num_nodes + columns // 3, return_inverse=True)
         self._entry = 3 * entry + columns % 3
         self._node = (key % mesh.num_nodes).astype(np.int32)
         self._first = np.searchsorted(key // mesh.num_nodes, np.arange(num_rows + 1))
+        rows = np.repeat(of_dof.astype(np.int64), np.diff(bulk.indptr))
+        columns, by_row = of_dof[bulk.indices], np.argsort(rows, kind="stable")
+        offset = np.searchsorted(rows[by_row], np.arange(mesh.num_nodes + 1))
         self.offset, self.columns = joined_pattern(
-            self._first, self._node, bulk.indptr.astype(np.int64), bulk.indices, mesh.num_nodes
+            self._first, self._node, offset, columns[by_row], mesh.num_nodes
         )
-        rows = np.repeat(np.arange(mesh.num_nodes), np.diff(bulk.indptr))
-        self._bulk_slots = find_slots(self.offset, self.columns, rows, bulk.indices)
+        self._bulk_slots = find_slots(self.offset, self.columns, rows, columns)
         nodes = np.arange(mesh.num_nodes)
         self.diagonal = find_slots(self.offset, self.columns, nodes, nodes.astype(np.int32))
 
-    def take(self, state, deviator0, strain0, dt):
+    def take(self, state, u0, deviator0, strain0, dt):
         """Follow the increment that the forces were last evaluated for. Local.
 
         Args:
             state: :class:`~mufe_fenicsx.state.State` after it.
-            deviator0, strain0: Its deviator and plastic strain before.
+            u0, deviator0, strain0: Its displacements, deviator and plastic strain before.
             dt: Length of the increment [s].
         """
         mesh, solid, of = self.mesh, self.solid, self._law
+        for function, values in ((self._u, state.u), (self._u0, u0)):
+            function.x.array[:] = values[mesh.node_of_dof].ravel()
         of.stress.x.array.reshape(-1, 6)[mesh.cell_order] = deviator0
         increment = state.plastic_strain - strain0
         shear = solid.shear[mesh.grain_of_cell]

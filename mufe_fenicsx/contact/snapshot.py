@@ -56,6 +56,19 @@ class Rows:
             yield rows if self.times is None else np.repeat(rows, self.times[some], axis=0)
 
 
+def as_arrays(tables):
+    """Tables with their columns whole."""
+    return {
+        name: {
+            column: np.concatenate([values.values[:0], *values.blocks(BLOCK)])
+            if isinstance(values, Rows)
+            else values
+            for column, values in table.items()
+        }
+        for name, table in tables.items()
+    }
+
+
 class Names:
     """Names of what contact on this rank knows. Collective.
 
@@ -88,12 +101,12 @@ class Names:
         #: of surface nodes, those of other ranks included
         self.node = names.array[ghosts.num_before :, 0].astype(np.int64)
         names.array[:] = 0.0
-        self.facet = _joined(self.node[contact.surface.facets])
+        self.facet = joined(self.node[contact.surface.facets])
         self.facet_grain = contact.surface.grain_of_facet
         self.point_grain = points.grain_of_point
         n, of_facets = len(points.rule), points.num_in_facets
         at_node = points.corner[of_facets:, 0]
-        self.point = np.append(np.repeat(_joined(number[own.facets]), n), -1 - number[at_node])
+        self.point = np.append(np.repeat(joined(number[own.facets]), n), -1 - number[at_node])
         self.part = np.append(np.arange(of_facets) % max(n, 1), 0 * at_node).astype(np.int8)
 
     def points(self, rows):
@@ -104,31 +117,44 @@ class Names:
             "part": self.part[rows],
         }
 
-    def rows_of_points(self, table):
-        """Own points of contact that a table names."""
+    def find_points(self, table):
+        """Own points of contact that a table names, and whether they are there."""
         known = (self.point_grain, self.point, self.part)
-        return find_rows(known, (table["grain"], table["point"], table["part"]), "point")
+        return look_up(known, (table["grain"], table["point"], table["part"]))
+
+    def rows_of_points(self, table):
+        """Own points of contact that a table names, all of which have to be there."""
+        return _all_known(*self.find_points(table), "point")
 
 
-def find_rows(known, wanted, what):
-    """For each wanted tuple the row of the known ones; columns of integers.
+def look_up(known, wanted):
+    """For each wanted tuple the row of the known ones, and whether it is there; integers.
 
     By bisection, `BLOCK` of the wanted ones at a time: there can be many more of them than known
     ones, and a checkpoint's tables fill the memory already.
+    """
+    order = np.lexsort(known[::-1])
+    ordered = [column[order] for column in known]
+    rows = np.zeros(wanted[0].size, dtype=np.int64)
+    there = np.zeros(rows.size, dtype=bool)
+    for begin in range(0, rows.size, BLOCK) if order.size else ():
+        some = slice(begin, begin + BLOCK)
+        place, there[some] = _bisect(ordered, [column[some] for column in wanted])
+        rows[some] = order[place]
+    return rows, there
+
+
+def find_rows(known, wanted, what):
+    """Rows as of :func:`look_up`.
 
     Raises:
         InputError: One is not known.
     """
-    order = np.lexsort(known[::-1])
-    ordered = [column[order] for column in known]
-    rows = np.empty(wanted[0].size, dtype=np.int64)
-    missing = 0
-    for begin in range(0, rows.size, BLOCK):
-        some = [column[begin : begin + BLOCK] for column in wanted]
-        place, there = _bisect(ordered, some)
-        missing += there.size - np.count_nonzero(there)
-        if not missing:
-            rows[begin : begin + BLOCK] = order[place]
+    return _all_known(*look_up(known, wanted), what)
+
+
+def _all_known(rows, there, what):
+    missing = there.size - np.count_nonzero(there)
     if missing:
         raise InputError(
             f"a {what} of contact in the checkpoint, one of {missing}, is not part of these "
@@ -141,8 +167,6 @@ def _bisect(ordered, wanted):
     """Places of the first tuples that are not less than the wanted ones, and whether they match."""
     low = np.zeros(wanted[0].size, dtype=np.int64)
     num = ordered[0].size
-    if not num:
-        return low, np.zeros(low.size, dtype=bool)
     high = np.full(low.size, num)
     for _ in range(num.bit_length()):
         middle = (low + high) // 2
@@ -252,7 +276,7 @@ def wrong_number(tables, num_grains, num_walls):
     return None
 
 
-def restore_contact(contact, mesh, tables, everything_moves):
+def restore_contact(contact, mesh, tables, everything_moves, grown=False):
     """Make contact what it was. Collective.
 
     Args:
@@ -261,6 +285,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
         mesh: Its :class:`~mufe_fenicsx.mesh.GrainMesh`.
         tables: Of :func:`contact_tables`, with the rows of this rank's grains; emptied.
         everything_moves: Whether all surface nodes were followed then, on this rank.
+        grown: Whether crossings of edges that are not sharp any more are left out.
 
     Raises:
         InputError: The tables are not those of these grains; on one rank or more.
@@ -295,7 +320,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     pairs.vertices[known], pairs.sharp[known] = ghosts.facets[facet], contact.edges.beside[facet]
     pairs.bulge[known] = contact.surface.bulge_of_facet[facet]
     walls.pairs = _wall_pairs(contact, names, tables.pop("wall_pairs"))
-    _set_edge_pairs(contact, names, tables.pop("edge_pairs"))
+    _set_edge_pairs(contact, names, tables.pop("edge_pairs"), grown)
 
     moving = np.empty(own.nodes.size, dtype=bool)
     moving[order] = surface["moving"]
@@ -317,11 +342,9 @@ def _pairs(contact, names, table, candidates):
     # Where each candidate stands in the table.
     place = np.repeat(first[:-1][order] - new_first[:-1], count) + np.arange(new_first[-1])
     partner = table["partner"][order]
-    facet = find_rows(
-        (names.facet_grain, names.facet),
-        (np.repeat(partner, count), candidates.pop("facet")[place]),
-        "facet",
-    ).astype(np.int32)
+    wanted = np.repeat(partner, count), candidates.pop("facet")[place]
+    facet = find_rows((names.facet_grain, names.facet), wanted, "facet")
+    facet = facet.astype(np.int32)
     pairs = Pairs(
         node[order], partner, new_first, facet, contact.points, contact.motion.bound,
         contact.layers.strengths.any,
@@ -349,16 +372,22 @@ def _wall_pairs(contact, names, table):
     return pairs
 
 
-def _set_edge_pairs(contact, names, table):
+def _set_edge_pairs(contact, names, table, grown):
     edges = contact.edges.edges
     ends = names.node[edges.ends]
     # The direction of an edge may depend on the number of ranks.
     grain = np.concatenate([edges.grain, edges.grain])
     known = (grain, *np.vstack([ends, ends[:, ::-1]]).T)
-    first, second = (
-        find_rows(known, (table[grain], *table[edge].T), "edge")
+    (first, known_first), (second, known_second) = (
+        look_up(known, (table[grain], *table[edge].T))
         for grain, edge in (("grain", "first"), ("partner", "second"))
     )
+    there = known_first & known_second
+    if grown:
+        table = {name: values[there] for name, values in table.items()}
+        first, second = first[there], second[there]
+    else:
+        _all_known(first, there, "edge")
     num = edges.grain.size
     contact.edges.set_pairs(
         (first % max(num, 1)).astype(np.int32), (second % max(num, 1)).astype(np.int32),
@@ -374,7 +403,7 @@ def _set_edge_pairs(contact, names, table):
             values[turned, column] = 1.0 - values[turned, column]
 
 
-def _joined(numbers):
+def joined(numbers):
     """One number from three of at most ``BITS`` bits, of shape (n, 3)."""
     a, b, c = numbers.astype(np.int64).T
     return (a << (2 * BITS)) | (b << BITS) | c

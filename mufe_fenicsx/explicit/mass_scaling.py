@@ -62,6 +62,7 @@ class MassScaling(Stateful):
         "nodes": ("added_to_node",),
         "common": ("wanted", "reached"),
     }
+    SHARED = ("added_to_node",)
 
     def __init__(self, solid, rho, settings):
         self.solid, self.mesh, self.settings = solid, solid.mesh, settings

@@ -6,18 +6,20 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import ArrayLike
 
 from ..arguments import checked, finite_number
 from ..bulk.release import LoadWatch
 from ..contact.pairs.motion_bounds import linear_field
 from ..contact.stiffness.springs import all_springs
 from ..contact.walls import Wall
-from ..errors import InputError
+from ..errors import InputError, raise_together
 from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh
 from ..solvers.central_difference import central_difference
 from ..specimen import OfSpecimen, Specimen
 from .contact_in_steps import ContactInSteps
+from .growth import carry_over, what_cannot_grow
 from .mass_scaling import FALLEN, MassScaling
 from .motion import Motion
 from .stable_step import StableStep
@@ -66,6 +68,22 @@ class Simulation(OfSpecimen):
     ):
         time_step_factor = finite_number("time_step_factor", time_step_factor, gt=0, le=LARGEST)
         finite_number("refresh", refresh, ge=1, unit="steps")
+        self._made_of = materials, walls, assembled, time_step_factor, refresh, mass_scaling
+        self._make(mesh, options)
+        specimen = self.specimen
+        specimen.start()
+        specimen.terms.insert(0, self.contact_term)
+        s, soft = self.state, specimen.rigid.lists.soft
+        s.a[soft] = (specimen.f / specimen.solid.mass[:, None])[soft]
+        for constraint in specimen.constraints:
+            constraint.complete(s)
+        self.update_time_step()
+        specimen.initial_kinetic = self.kinetic_energy()
+
+    def _make(self, mesh, options):
+        """Make all that stands on a mesh, before any force is known. Collective."""
+        materials, walls, assembled, time_step_factor, refresh, mass_scaling = self._made_of
+        self._options = {name: value for name, value in options.items() if name != "velocity"}
         specimen = Specimen(mesh, materials, walls, **options)
         super().__init__(specimen)
         if specimen.any_rigid and not assembled:
@@ -80,15 +98,7 @@ class Simulation(OfSpecimen):
         self.stable = StableStep(specimen, assembled, time_step_factor)
         self.dt = math.nan
         self.dt_element = math.nan
-        specimen.start()
         self.contact_term = ContactInSteps(specimen, self.motion)
-        specimen.terms.insert(0, self.contact_term)
-        s, soft = self.state, specimen.rigid.lists.soft
-        s.a[soft] = (specimen.f / specimen.solid.mass[:, None])[soft]
-        for constraint in specimen.constraints:
-            constraint.complete(s)
-        self.update_time_step()
-        specimen.initial_kinetic = self.kinetic_energy()
 
     @property
     def parts(self):
@@ -218,6 +228,50 @@ class Simulation(OfSpecimen):
         """
         finite = math.isfinite(self.kinetic_energy()) and not diverged
         return self.specimen.check(finite)
+
+    # --- growth ---------------------------------------------------------------------------
+
+    def grow(self, between: ArrayLike) -> None:
+        """Open facets between cells of grains that deform, between two steps. Collective.
+
+        Where all cells around a node no longer hang together, it is doubled
+        (:meth:`.GrainMesh.grow`). Parts of a node have its place and velocity, and the mass of the
+        cells around each. What was there keeps forces, stress and contact; opened facets become
+        surface, without contact so far. They meet other bodies, and those of their own grain only
+        with ``self_contact``: else its pieces pass through each other.
+
+        What averaged elements store changes, as the mean of the volumes around a node becomes one
+        for each part; so does what contacts store in which the opened facets end, whose smooth
+        surface is another. Both count as energy of the start, not as work.
+
+        ``mesh``, ``state`` and all other parts are new ones afterwards.
+
+        Args:
+            between: Pairs of rows of ``mesh.cells`` on the two sides of each facet, as of
+                ``mesh.inner_facets()``, of this rank's grains, shape (n, 2). Where no node parts
+                nothing changes yet.
+
+        Raises:
+            InputError: A pair is no two cells that share a facet; a grain is rigid; there is a
+                membrane, or a force term that cannot follow; on all ranks. Nothing has changed.
+        """
+        self.complete()
+        raise_together(self.comm, what_cannot_grow(self.specimen, between))
+        mesh = self.mesh.grow(between)
+        if mesh is self.mesh:
+            return
+        grown = object.__new__(type(self))
+        grown._made_of, options = self._made_of, dict(self._options)
+        if options.get("mass_factor") is not None:
+            options["mass_factor"] = np.asarray(options["mass_factor"])[mesh.source.nodes]
+        grown._make(mesh, options)
+        grown.specimen.terms.insert(0, grown.contact_term)
+        grown.deform_all_but(self.mesh.grains[self.rigid.grains])
+        carry_over(self, grown)
+        self.contact.destroy()
+        self.stable.destroy()
+        self.__dict__.update(grown.__dict__)
+        self.update_time_step()
 
     # --- time step ------------------------------------------------------------------------
 

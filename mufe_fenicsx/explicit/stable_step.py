@@ -94,6 +94,10 @@ class StableStep(Stateful):
             if name in kept.get("nodes", {}):
                 highest.vector = self.rows.packed(kept["nodes"][name], kept["rigid"][name])
 
+    def destroy(self):
+        """Free the PETSc vectors. Collective."""
+        self._springs.destroy()
+
     def set_mass(self, mass):
         """Take other nodal masses [kg], shape (num_nodes,)."""
         shared = self.shared

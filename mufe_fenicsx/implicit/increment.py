@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from ..bulk.elastic_tangent import NearTangent
@@ -75,7 +74,6 @@ class IncrementEquations:
         led = s.rigid.lists.nodes  # of tools, the only rigid bodies here
         fixed = np.concatenate([s.glued.nodes, led])
         self.held = HeldNodes(mesh, held, fixed, self._contact_tangent)
-        self._u0 = fem.Function(mesh.V)
         part = 1.0 - self.method.force_of_start if self.method else 1.0
         if solver == "products":
             self._tangent, near = None, NearTangent(s.solid)
@@ -86,7 +84,7 @@ class IncrementEquations:
             )
         else:
             self.products = None
-            self._tangent = own = SolidTangent(s.solid, s.u, self._u0)
+            self._tangent = own = SolidTangent(s.solid)
             self.system = LinearSystem(mesh, own.offset, own.columns, "mufe_", solver, petsc)
         self._stiffness = self._share_of_stiffness()
         self.drag = drag_time * self._share_of_hold()
@@ -97,7 +95,6 @@ class IncrementEquations:
     def begin(self, start, dt):
         """Be those of an increment of length ``dt`` from ``start`` on. Local."""
         self.start, self._dt = start, dt
-        self._u0.x.array[:] = self._specimen.state.u.ravel()
 
     def residual(self, du):
         """Minus the sum of all forces after the displacement ``du``, and the internal ones' size.
@@ -184,7 +181,8 @@ class IncrementEquations:
             more = self._with_terms(nodes[rows], nodes[columns], contact, factor)
             self.system.put(diagonal, *more)
             return
-        tangent.take(specimen.state, start["deviator"], start["plastic_strain"], dt)
+        before = (start[name] for name in ("u", "deviator", "plastic_strain"))
+        tangent.take(specimen.state, *before, dt)
         blocks = factor * tangent.assemble(specimen.state.x)
         blocks[tangent.diagonal] += diagonal[:, None, None] * np.eye(3)
         self.held.project_tangent(tangent, blocks, rows, columns, contact)
@@ -193,7 +191,7 @@ class IncrementEquations:
 
     def _with_terms(self, rows, columns, blocks, factor):
         """Blocks of contact, by global nodes, and after them those of added terms."""
-        first = self._specimen.mesh.V.dofmap.index_map.local_range[0]
+        first = self._specimen.mesh.first_node
         for term in self._specimen.added_terms:
             found = self._specimen.ask(term, "stiffness", self._specimen.state)
             if found is None:

@@ -57,8 +57,7 @@ class LinearSystem:
 
     def __init__(self, mesh, offset, columns, prefix, solver, options=None):
         self.mesh, self.comm = mesh, mesh.comm
-        index_map = mesh.V.dofmap.index_map
-        self.first, self.size = index_map.local_range[0], index_map.size_global
+        self.first, self.size = mesh.first_node, mesh.comm.allreduce(mesh.num_nodes)
         rows = np.repeat(np.arange(mesh.num_nodes), np.diff(offset))
         self._own = (self.first + rows, self.first + columns.astype(np.int64))
         self._keys = np.empty(0, dtype=np.int64)

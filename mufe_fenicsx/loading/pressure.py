@@ -70,7 +70,7 @@ class Pressure(ForceTerm):
                 )
             raise_together(mesh.comm, message)
             chosen &= some
-        self.facets = np.ascontiguousarray(mesh.facets[chosen])
+        self._take(chosen)
         if not mesh.comm.allreduce(len(self.facets)):
             raise InputError(f"facets under the pressure {name} = 0, expected at least one")
         self._pressure = float(finite_array(name, pressure, ()))
@@ -81,9 +81,24 @@ class Pressure(ForceTerm):
             self._origin = finite_array(f"origin of {name}", origin, (3,))
         # What the potential was when the pressure was set last, and the volume then.
         self._potential = 0.0
-        self._rim, self._rim_weight = rim_weights(mesh.x - self._origin, self.facets)
-        self._rim_place = mesh.x[self._rim]
+        self._find_rim()
         self._volume = self._swept(mesh.x)
+
+    def _take(self, chosen):
+        self._rows = np.flatnonzero(chosen)
+        self.facets = np.ascontiguousarray(self.mesh.facets[chosen])
+
+    def _find_rim(self):
+        x = self.mesh.x
+        self._rim, self._rim_weight = rim_weights(x - self._origin, self.facets)
+        self._rim_place = x[self._rim]
+
+    def grow(self, mesh, share):
+        """Go on with the same facets; there is no pressure on those that opened. Local."""
+        chosen = np.isin(mesh.source.facets, self._rows)
+        self.mesh = mesh
+        self._take(chosen)
+        self._find_rim()
 
     @property
     def pressure(self) -> float:

@@ -245,7 +245,8 @@ def read_tables(comm, checkpoint, grains, rank_of_grain, only=None):
         checkpoint: :class:`Checkpoint`.
         grains: Global indices of this rank's grains, increasing, shape (num_grains,).
         rank_of_grain: Ranks of all grains, shape (num_grains_global,).
-        only: Names of a table and of its column, read with the column ``grain``; None: all.
+        only: Columns by the name of their table, where there is one, read with the column
+            ``grain``; None: all.
 
     Raises:
         InputError: A file cannot be read; on all ranks together.
@@ -272,10 +273,10 @@ def written_by(checkpoint, num_ranks, rank_of_grain):
 def _read_part(path, grains, everything, only):
     tables = {}
     with h5py.File(path, "r") as file:
-        for name in [only[0]] if only else file["tables"]:
+        for name in file["tables"] if only is None else only.keys() & file["tables"].keys():
             group = file["tables"][name]
             keep = slice(None) if everything else np.isin(group["grain"][:], grains)
-            columns = ("grain", only[1]) if only else group
+            columns = group if only is None else ("grain", *only[name])
             if len({len(group[column]) for column in columns}) > 1:
                 raise ValueError(f"columns of table {name} have different lengths")
             tables[name] = {column: group[column][:][keep] for column in columns}

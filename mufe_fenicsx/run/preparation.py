@@ -9,7 +9,7 @@ from ..output.checkpoint import find_checkpoint
 from ..output.run_folder import check_inside, check_run_folder
 from ..scene import scene_to_toml
 from .from_scene import find_bounds, load_mesh, make_walls, separate_surfaces, sleeve_of
-from .restart import partition_of, take_reference
+from .restart import mesh_of, partition_of
 from .resume_check import check_origin, check_results, grains_checksum, reading
 from .run_place import say
 from .scene_tools import check_sizes, checksums_of_files, make_tools
@@ -95,5 +95,5 @@ def prepare(scene, grains_folder, comm, checkpoint):
         separation = separate_surfaces(mesh, scene.sample)
     else:
         with reading(checkpoint):
-            take_reference(checkpoint, mesh)
+            mesh = mesh_of(checkpoint, mesh)
     return Prepared.of(scene, mesh, tools), separation and separation.as_dict()

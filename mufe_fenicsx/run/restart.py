@@ -6,7 +6,7 @@ from ..contact.snapshot import wrong_number
 from ..errors import raise_together
 from ..output.checkpoint import read_tables
 from .resume_check import integrator_of
-from .snapshot import restore, restore_reference
+from .snapshot import OF_MESH, restore, restore_mesh
 
 
 def partition_of(checkpoint, comm):
@@ -16,9 +16,9 @@ def partition_of(checkpoint, comm):
     return np.array(checkpoint.header["rank_of_grain"], dtype=np.int32)
 
 
-def take_reference(checkpoint, mesh):
-    """Give a mesh the reference configuration of a checkpoint. Collective."""
-    restore_reference(mesh, _read(checkpoint, mesh, only=("nodes", "reference"))[0])
+def mesh_of(checkpoint, mesh):
+    """A mesh with what had opened, and the reference configuration, of a checkpoint. Collective."""
+    return restore_mesh(mesh, _read(checkpoint, mesh, OF_MESH)[0])
 
 
 def restore_test(checkpoint, simulation, loading, scene, num_retries):

@@ -28,7 +28,7 @@ from .profile import Profile
 from .rebalance import better_partition
 from .recorder import Recorder
 from .report import draw_report
-from .restart import partition_of, restore_test, take_reference
+from .restart import mesh_of, partition_of, restore_test
 from .resume_check import reading
 from .retries import Retries
 from .run_options import RunOptions
@@ -277,7 +277,7 @@ class TestRun:
             self.prepared, grains = replace(self.prepared, mesh=None), self.place.grains_folder
             tools, around = self.prepared.tools, sleeve_of(self.scene)
             mesh = load_mesh(self.comm, grains, partition, tools, around)
-            take_reference(checkpoint, mesh)
+            mesh = mesh_of(checkpoint, mesh)
             self.prepared = replace(self.prepared, mesh=mesh)
         self.begin(checkpoint)
 

@@ -7,9 +7,14 @@ follow give the same bits.
 """
 
 import numpy as np
+from mpi4py import MPI
 
 from ..contact.snapshot import Rows, contact_tables, restore_contact
 from ..contact.start.reference import set_reference
+from ..errors import raise_together
+
+#: Columns of the tables that :func:`restore_mesh` reads, beside ``grain``.
+OF_MESH = {"nodes": ("reference",), "topology": ("cell", "across", "version")}
 
 
 def snapshot(simulation):
@@ -49,17 +54,57 @@ def snapshot(simulation):
             name: value.tolist() if isinstance(value, np.ndarray) else value
             for name, value in kept.get("common", {}).items()
         }
-    tables |= contact_tables(contact, mesh)
+    tables |= _topology(mesh) | contact_tables(contact, mesh)
     for term in simulation.specimen.added_terms:
         tables |= {f"term_{term.name}.{name}": table for name, table in term.tables().items()}
     return tables, {name: np.asarray(value) for name, value in own.items()}, common
 
 
-def restore_reference(mesh, tables):
-    """Give the mesh the reference configuration of then. Collective."""
+def _topology(mesh):
+    """Facets that opened, by the numbers of the cells on both sides in their grain. Collective."""
+    opened = np.concatenate([np.empty((0, 3), dtype=np.int64), *mesh.opened])
+    if not mesh.comm.allreduce(len(opened)):
+        return {}
+    number = np.empty(mesh.num_cells, dtype=np.int64)
+    number[mesh.named_cells] = np.arange(mesh.num_cells)
+    grain = mesh.grain_of_cell[opened[:, 0]]
+    cell, across = number[opened[:, :2]].T - mesh.cell_offset[grain]
+    names = {"cell": cell, "across": across, "version": opened[:, 2]}
+    return {"topology": {"grain": mesh.grains[grain]} | names}
+
+
+def restore_mesh(mesh, tables):
+    """The mesh of then, made of that of the start. Collective.
+
+    Facets open as they did, one version after another, and nodes have their reference positions.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh` of version 0.
+        tables: Of :func:`snapshot`, with the columns ``OF_MESH`` at least; without a table
+            ``topology`` no facet opened.
+
+    Raises:
+        InputError: A facet that opened is none of these grains; on all ranks.
+    """
+    opened = tables.get("topology")
+    if opened is not None:
+        local = np.searchsorted(mesh.grains, opened["grain"])
+        first, end = mesh.cell_offset[local], mesh.cell_offset[local + 1]
+        place = first[:, None] + np.stack([opened["cell"], opened["across"]], axis=1)
+        wrong = ((place < first[:, None]) | (place >= end[:, None])).any()
+        line = "a facet that opened is between cells of other grains, expected those of the start"
+        raise_together(mesh.comm, line if wrong else None)
+        pairs, last = mesh.named_cells[place], opened["version"].max(initial=0)
+        for version in range(1, mesh.comm.allreduce(int(last), op=MPI.MAX) + 1):
+            mesh = mesh.grow(pairs[opened["version"] == version])
+    _restore_reference(mesh, tables)
+    return mesh
+
+
+def _restore_reference(mesh, tables):
     x = np.empty_like(mesh.x)
     x[mesh.named_nodes] = tables["nodes"]["reference"]
-    # DOLFINx's geometry has other last digits than `mesh.x` until it is set, and so have masses.
+    # DOLFINx's geometry has other last digits than `mesh.x` until it is set.
     if mesh.comm.allreduce(np.count_nonzero(x != mesh.x)):
         set_reference(mesh, x)
 

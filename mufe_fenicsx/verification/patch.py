@@ -97,5 +97,5 @@ def press_blocks(comm, divisions, other_divisions, strain=1e-4, at_rest=1e-14, *
 
 def _unbalanced(s):
     """Sum of all nodal forces and of those on the walls, over the wall forces."""
-    total = sum_over_nodes(s, s.force.x.array.reshape(-1, 3)) + sum_over_nodes(s, s.walls.force)
+    total = sum_over_nodes(s, s.specimen.f) + sum_over_nodes(s, s.walls.force)
     return np.linalg.norm(total) / np.abs(s.wall_forces()).sum()

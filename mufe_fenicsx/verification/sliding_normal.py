@@ -169,7 +169,7 @@ class Drawn:
 
     def normal_forces(self):
         """Of each slider on what holds it [N], shape (num_sliders,)."""
-        f = self.simulation.force.x.array.reshape(-1, 3)[self.tops, 2]
+        f = self.simulation.specimen.f[self.tops, 2]
         return self.comm.allreduce(np.bincount(self._slider, f, self.number))
 
     def draw_and_press_again(self, moves):

@@ -100,5 +100,5 @@ class Increments:
 
 
 def _reaction(simulation, nodes, direction):
-    forces = simulation.force.x.array.reshape(-1, 3)[nodes]
+    forces = simulation.specimen.f[nodes]
     return simulation.comm.allreduce(float((forces @ direction).sum()))

@@ -78,7 +78,7 @@ def kept_in_cylinder(mesh, first, x):
 def _harmonic(mesh, values, surface):
     """Extension of values at surface nodes into the grains, each component for itself."""
     W, component = mesh.V.sub(0).collapse()
-    node = np.asarray(component) // 3
+    node = mesh.node_of_dof[np.asarray(component) // 3]
     of_node = np.empty(node.size, dtype=np.int32)
     of_node[node] = np.arange(node.size, dtype=np.int32)
     trial, test = ufl.TrialFunction(W), ufl.TestFunction(W)
@@ -113,4 +113,4 @@ def set_reference(mesh, x):
     """Make ``x`` the reference configuration of the mesh and of its DOLFINx geometry."""
     mesh.x[:] = x
     geometry = mesh.mesh.geometry
-    geometry.x[geometry.dofmaps[0]] = x[mesh.V.dofmap.list]
+    geometry.x[geometry.dofmaps[0]] = x[mesh.node_of_dof[mesh.V.dofmap.list]]

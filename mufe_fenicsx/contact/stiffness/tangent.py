@@ -23,14 +23,10 @@ class ContactTangent:
                 'contact.law = "kinematic", expected "matched" for an implicit or static solver'
             )
         self.contact, self._searched = contact, -1
-        first = mesh.V.dofmap.index_map.local_range[0]
-        self._own = first + contact.own.nodes.astype(np.int64)
+        self._own = mesh.first_node + contact.own.nodes.astype(np.int64)
 
     def global_nodes(self):
-        """Number over all ranks of each surface node, ghosts included. Collective after a search.
-
-        Nodes are numbered as those of ``mesh.V``.
-        """
+        """Numbers over all ranks of surface nodes, ghosts included. Collective after a search."""
         contact = self.contact
         if self._searched != contact.num_searches:
             self._searched = contact.num_searches

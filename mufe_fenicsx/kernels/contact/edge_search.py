@@ -8,6 +8,9 @@ import numpy as np
 from ..build.rows import resized
 from ..geometry.closest import facet_normal
 
+#: Cosine between the normals of two facets that lie on each other, to rounding.
+BACK_TO_BACK = -1.0 + 1e-12
+
 
 @numba.njit(cache=True, error_model="numpy")
 def sharp_edges(x, facets, neighbour, cosine):
@@ -33,7 +36,8 @@ def sharp_edges(x, facets, neighbour, cosine):
             if o < 0:
                 continue
             nx, ny, nz = normal[f, 0], normal[f, 1], normal[f, 2]
-            if not nx * normal[o, 0] + ny * normal[o, 1] + nz * normal[o, 2] <= cosine:
+            turn = nx * normal[o, 0] + ny * normal[o, 1] + nz * normal[o, 2]
+            if not BACK_TO_BACK < turn <= cosine:  # the two sides of a crack end at no convex edge
                 continue
             a, b = facets[f, k], facets[f, (k + 1) % 3]
             d = _third(facets, o, a, b)

@@ -49,6 +49,74 @@ def body_defect(cells, num_nodes):
     return surface_pinch(facets[single])
 
 
+def inner_facets(cells):
+    """Facets of two cells: their nodes, shape (n, 3), and rows of both cells, (n, 2). Local."""
+    facets = cells[:, FACETS].reshape(-1, 3)
+    order, same = _sorted_rows(np.sort(facets, axis=1))
+    first, second = order[:-1][same], order[1:][same]
+    return facets[first], np.stack([first, second], axis=1) // 4
+
+
+def part_nodes(cells, opened, now, name_of_cell):
+    """Give parts of nodes of their own where facets between cells opened. Local.
+
+    Two cells stay joined at a node where a path of cells around it joins them, through facets that
+    are not open.
+
+    Args:
+        cells: Nodes of the tetrahedra, shape (num_cells, 4).
+        opened: Pairs of cells whose facets opened so far, shape (n, 2).
+        now: Those of them that opened now, shape (m, 2).
+        name_of_cell: Numbers of the cells, of which the least of a part says which comes first,
+            shape (num_cells,).
+
+    Returns:
+        Cells with the node num + k of part k, num one more than the largest node; and the old nodes
+        of these parts, increasing, shape (num_parts,).
+    """
+    num = int(cells.max(initial=-1)) + 1
+    one, other = cells[now].transpose(1, 0, 2)
+    touched = np.zeros(num, dtype=bool)
+    touched[one[(one[:, :, None] == other[:, None, :]).any(axis=2)]] = True
+    around = np.flatnonzero(touched[cells].any(axis=1))
+    if not around.size:
+        return cells, np.empty(0, dtype=np.int64)
+    near = cells[around]
+    facets = near[:, FACETS].reshape(-1, 3)
+    by_node = np.argsort(facets, axis=1)
+    corner = (4 * np.arange(len(near))[:, None, None] + FACETS).reshape(-1, 3)
+    corner = np.take_along_axis(corner, by_node, axis=1)
+    order, same = _sorted_rows(np.take_along_axis(facets, by_node, axis=1))
+    first, second = order[:-1][same], order[1:][same]
+    joined = ~np.isin(
+        _pair_key(np.stack([around[first // 4], around[second // 4]], axis=1), len(cells)),
+        _pair_key(opened, len(cells)),
+    )
+    ends = [corner[facet[joined]].ravel() for facet in (first, second)]
+    graph = coo_array((np.ones(ends[0].size, bool), ends), (near.size, near.size))
+    part = connected_components(graph, directed=False)[1]
+    # The first corner of each part, those of a node one after another, the first cells first.
+    mine = np.flatnonzero(touched[near.ravel()])
+    node, name = near.ravel()[mine], name_of_cell[around[mine // 4]]
+    mine = mine[np.lexsort((name, node))]
+    _, begin = np.unique(part[mine], return_index=True)
+    begin = mine[np.sort(begin)]
+    node = near.ravel()[begin]
+    further = begin[1:][node[1:] == node[:-1]]
+    number = np.full(near.size, -1)
+    number[part[further]] = num + np.arange(further.size)
+    new = number[part].reshape(-1, 4)
+    result = cells.copy()
+    result[around] = np.where((new >= 0) & touched[near], new, near)
+    return result, near.ravel()[further]
+
+
+def _pair_key(pairs, num):
+    """One number of each pair of numbers below ``num``, in either order."""
+    low, high = np.sort(np.asarray(pairs, dtype=np.int64), axis=1).T
+    return low * num + high
+
+
 def num_folds(cells):
     """Facets whose two cells lie on the same side of them: there the mesh is folded. Local.
 

@@ -107,13 +107,13 @@ def resumed(comm, *, run):
     from ...run.preparation import Prepared
     from ...run.restart import partition_of
     from ...run.scene_file import read_scene
-    from ...run.snapshot import restore, restore_reference
+    from ...run.snapshot import restore, restore_mesh
 
     scene = read_scene(comm, Path(run) / "scene.toml")
     checkpoint = find_checkpoint(comm, Path(run))
     mesh = load_mesh(comm, scene.sample.grains, partition_of(checkpoint, comm))
     kept = read_tables(comm, checkpoint, mesh.grains, mesh.rank_of_grain)
-    restore_reference(mesh, kept[0])
+    mesh = restore_mesh(mesh, kept[0])
     simulation = make_simulation(scene, Prepared.of(scene, mesh))
     restore(simulation, *kept, checkpoint.header["state"])
     return simulation

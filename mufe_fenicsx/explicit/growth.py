@@ -1,0 +1,125 @@
+"""A simulation on a grown mesh goes on from the one on the mesh before.
+
+What follows from the mesh is made anew: masses, volumes, layers, lists of nodes. What steps change
+has rows from those of before, through the ``state_dict`` of each part.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from mpi4py import MPI
+
+from ..contact.growth import carry_contact, touches
+from ..state import ForceTerm
+
+
+def what_cannot_grow(specimen, between):
+    """The line for a growth that cannot be on this rank, or None. Local.
+
+    Args:
+        specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
+        between: As of :meth:`~mufe_fenicsx.mesh.GrainMesh.grow`, which looks at the rest.
+    """
+    mesh, rigid = specimen.mesh, specimen.rigid
+    if mesh.sleeves:
+        return f"membrane {mesh.sleeves[0]} beside a mesh that grows, expected none"
+    for term in specimen.added_terms:
+        if term.mesh is None and type(term).grow is ForceTerm.grow:
+            return (
+                f"force term {term.name} names no mesh, expected one, whose growth its rows of "
+                "STATE follow"
+            )
+    cells = np.asarray(between)
+    if cells.dtype.kind in "iu" and cells.ndim == 2:
+        known = cells[(cells >= 0) & (cells < mesh.num_cells)]
+        grain = mesh.grain_of_cell[known]
+        wrong = grain[np.isin(grain, rigid.grains)]
+        if wrong.size:
+            name = mesh.name_of(mesh.grains[wrong[0]])
+            return f"facet to open in the rigid {name}, expected grains that deform"
+    return None
+
+
+def carry_over(old, new):
+    """Bring a simulation that is made on a grown mesh to the state of the one before. Collective.
+
+    Args:
+        old: :class:`~.Simulation` whose steps are complete.
+        new: One of the same materials and walls on its grown mesh.
+    """
+    source, sp = new.mesh.source, new.specimen
+    share = new.solid.kernel.node_volume0 / old.solid.kernel.node_volume0[source.nodes]
+    before, inner_before = _energies(old), _internal_forces(old)[source.nodes]
+    inner_before *= share[:, None]
+
+    sp.damping = old.damping
+    new.contact.set_time_step(old.contact.layers.step)
+    there = [term.name for term in sp.added_terms]
+    moved = [term for term in old.specimen.added_terms if term.name not in there]
+    for term in moved:
+        term.grow(new.mesh, share)
+        sp.insert_term(term)
+    sp.first_energies = old.specimen.first_energies.copy()
+    parts, names = new.parts, {f"term_{term.name}" for term in moved}
+    for name, part in old.parts.items():
+        if name not in names:
+            parts[name].load_state_dict(part.grown(source, share))
+    new.stable.set_mass(new.solid.mass)
+    carry_contact(old.contact, old.mesh, new.contact, new.mesh, new.state.x)
+
+    # Only around nodes with parts: else forces and accelerations keep their last bits.
+    inner = _internal_forces(new)
+    changed = (share != 1.0) | (inner != inner_before).any(axis=1)
+    sp.f += inner - inner_before
+    sp.f[sp.glued.nodes] = 0.0
+    sp.mirrors.project(sp.f)
+    new.state.a[changed] = sp.f[changed] / new.solid.mass[changed, None]
+
+    _meet_anew(new)
+    gained = _energies(new) - before
+    sp.initial_kinetic += gained[0]
+    sp.first_energies += gained[1:]
+
+
+def _meet_anew(simulation):
+    """Find pairs of new facets, and where a crack ends in a contact what the others store.
+
+    The smooth surface beside it is another then. Walls keep their loads of the last step.
+    Collective.
+    """
+    contact, walls, x = simulation.contact, simulation.walls, simulation.state.x
+    contact.search(x)
+    contact.bind()
+    if contact.layers.kinematic:  # which stores nothing, and acts at other positions
+        return
+    new = np.zeros(len(x), dtype=bool)
+    new[simulation.mesh.facets[simulation.mesh.source.facets < 0]] = True
+    if not simulation.comm.allreduce(int(touches(contact, new)), op=MPI.MAX):
+        return
+    loads = walls.force, walls.torque, walls.curved.pressing
+    kept = [load.copy() for load in loads]
+    contact.begin_step(x)
+    contact.add_forces(np.zeros_like(x), x)
+    for load, value in zip(loads, kept, strict=True):
+        load[:] = value
+
+
+def _internal_forces(simulation):
+    """Those of the grains on the nodes as they are [N], shape (num_nodes, 3). Local."""
+    s = simulation.state
+    f = np.zeros_like(s.x)
+    history = ("deviator", "plastic_strain", "plastic_work")
+    copies = {name: getattr(s, name).copy() for name in history}
+    simulation.solid.add_internal_forces(f, replace(s, **copies), 0.0)
+    return f
+
+
+def _energies(simulation):
+    """What a growth changes without the added terms, and what each of these has [J]. Local."""
+    sp, contact = simulation.specimen, simulation.contact
+    stored = simulation.kinetic_energy() + simulation.solid.elastic_energy(sp.state).sum()
+    done = contact.dissipation
+    stored += contact.energy()[0] + done.total + done.switched + done.dents.work.sum()
+    pairs = zip(sp.added_terms, sp.first_energies, strict=True)
+    of_terms = [0.0 if np.isnan(first) else term.energy(sp.state) for term, first in pairs]
+    return np.array([stored, *of_terms])
