@@ -302,9 +302,9 @@ CASES = {
         LAST, lambda _: cubes(lambda x: x * [1, 1, 0]), says="volume of an element of grain"),
     "mesh.py GrainMesh.grow": Case(
         LAST, lambda _: cubes().grow([[0, 0]] if COMM.rank == LAST else []), says="facet to open"),
-    "explicit/simulation.py Simulation.grow": Case(
+    "explicit/growth.py grown_mesh": Case(
         LAST, lambda _: simulation_of(cubes(), ROCK).grow([]),
-        "explicit.simulation.what_cannot_grow", WRONG),
+        "explicit.growth.what_cannot_grow", WRONG),
     "run/snapshot.py restore_mesh": Case(LAST, opened_elsewhere, says="a facet that opened is"),
     "output/checkpoint.py CheckpointWriter.write 1": Case(
         FIRST, write_checkpoint, "output.checkpoint._new_folder", FULL),

@@ -10,16 +10,26 @@ import numpy as np
 from mpi4py import MPI
 
 from ..contact.growth import carry_contact, touches
+from ..errors import raise_together
 from ..state import ForceTerm
 
 
-def what_cannot_grow(specimen, between):
-    """The line for a growth that cannot be on this rank, or None. Local.
+def grown_mesh(specimen, between):
+    """The mesh of a specimen after a growth, itself where nothing parts. Collective.
 
     Args:
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
-        between: As of :meth:`~mufe_fenicsx.mesh.GrainMesh.grow`, which looks at the rest.
+        between: As of :meth:`~mufe_fenicsx.mesh.GrainMesh.grow`.
+
+    Raises:
+        InputError: As of :meth:`~.Simulation.grow`; on all ranks.
     """
+    raise_together(specimen.comm, what_cannot_grow(specimen, between))
+    return specimen.mesh.grow(between)
+
+
+def what_cannot_grow(specimen, between):
+    """The line for what beside the mesh keeps a specimen from growing, or None. Local."""
     mesh, rigid = specimen.mesh, specimen.rigid
     if mesh.sleeves:
         return f"membrane {mesh.sleeves[0]} beside a mesh that grows, expected none"
@@ -40,14 +50,23 @@ def what_cannot_grow(specimen, between):
     return None
 
 
+def options_of(options, mesh):
+    """Options of a specimen for a mesh that has grown, whose nodes have the old factors. Local."""
+    if options.get("mass_factor") is None:
+        return options
+    return options | {"mass_factor": np.asarray(options["mass_factor"])[mesh.source.nodes]}
+
+
 def carry_over(old, new):
     """Bring a simulation that is made on a grown mesh to the state of the one before. Collective.
 
     Args:
-        old: :class:`~.Simulation` whose steps are complete.
+        old: :class:`~.Simulation` whose steps are complete; of no use afterwards.
         new: One of the same materials and walls on its grown mesh.
     """
     source, sp = new.mesh.source, new.specimen
+    sp.terms.insert(0, new.contact_term)
+    new.deform_all_but(old.mesh.grains[old.rigid.grains])
     share = new.solid.kernel.node_volume0 / old.solid.kernel.node_volume0[source.nodes]
     before, inner_before = _energies(old), _internal_forces(old)[source.nodes]
     inner_before *= share[:, None]
@@ -79,6 +98,8 @@ def carry_over(old, new):
     gained = _energies(new) - before
     sp.initial_kinetic += gained[0]
     sp.first_energies += gained[1:]
+    old.contact.destroy()
+    old.stable.destroy()
 
 
 def _meet_anew(simulation):

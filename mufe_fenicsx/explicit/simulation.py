@@ -13,13 +13,13 @@ from ..bulk.release import LoadWatch
 from ..contact.pairs.motion_bounds import linear_field
 from ..contact.stiffness.springs import all_springs
 from ..contact.walls import Wall
-from ..errors import InputError, raise_together
+from ..errors import InputError
 from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh
 from ..solvers.central_difference import central_difference
 from ..specimen import OfSpecimen, Specimen
 from .contact_in_steps import ContactInSteps
-from .growth import carry_over, what_cannot_grow
+from .growth import carry_over, grown_mesh, options_of
 from .mass_scaling import FALLEN, MassScaling
 from .motion import Motion
 from .stable_step import StableStep
@@ -256,22 +256,14 @@ class Simulation(OfSpecimen):
                 membrane, or a force term that cannot follow; on all ranks. Nothing has changed.
         """
         self.complete()
-        raise_together(self.comm, what_cannot_grow(self.specimen, between))
-        mesh = self.mesh.grow(between)
-        if mesh is self.mesh:
-            return
-        grown = object.__new__(type(self))
-        grown._made_of, options = self._made_of, dict(self._options)
-        if options.get("mass_factor") is not None:
-            options["mass_factor"] = np.asarray(options["mass_factor"])[mesh.source.nodes]
-        grown._make(mesh, options)
-        grown.specimen.terms.insert(0, grown.contact_term)
-        grown.deform_all_but(self.mesh.grains[self.rigid.grains])
-        carry_over(self, grown)
-        self.contact.destroy()
-        self.stable.destroy()
-        self.__dict__.update(grown.__dict__)
-        self.update_time_step()
+        mesh = grown_mesh(self.specimen, between)
+        if mesh is not self.mesh:
+            grown = object.__new__(type(self))
+            grown._made_of = self._made_of
+            grown._make(mesh, options_of(self._options, mesh))
+            carry_over(self, grown)
+            vars(self).update(vars(grown))
+            self.update_time_step()
 
     # --- time step ------------------------------------------------------------------------
 
