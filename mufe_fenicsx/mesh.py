@@ -112,6 +112,7 @@ class GrainMesh:
     given: tuple[np.ndarray, np.ndarray] | None = None
     version: int = 0  #: how often the mesh has grown, the same on all ranks
     source: Source | None = None  #: rows of the version before; None at version 0
+    origin: np.ndarray | None = None  #: node of version 0 of each node, (num_nodes,); as source
     #: What was opened so far: rows (cell, cell across, version that the facet opened in).
     opened: list[np.ndarray] = field(default_factory=list)
 
@@ -351,6 +352,7 @@ class GrainMesh:
             first_node=self.comm.exscan(source.size) or 0,
             given=(name, given[1]),
             version=self.version + 1,
+            origin=source if self.origin is None else self.origin[source],
             source=Source(
                 source,
                 np.arange(self.num_cells),

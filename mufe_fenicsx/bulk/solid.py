@@ -1,8 +1,11 @@
 """The bulk of the grains: mass, internal forces, energies and stable time step."""
 
 import numpy as np
+import ufl
+from dolfinx import fem
 
 from ..errors import InputError, shown
+from ..kernels.build.compiled_forms import compiled_form
 from ..kernels.build.native import SOURCES, load
 from ..kernels.bulk.element_step import add_nodal_stiffness, element_time_step
 from ..kernels.bulk.energy import add_normal_stresses, elastic_energy
@@ -23,7 +26,9 @@ COLLAPSED = 0.02
 
 
 def lumped_mass(mesh, density, volume):
-    """Nodal masses [kg] by row sums of the mass matrix: a quarter of each cell around. Local.
+    """Nodal masses [kg] by row sums of the mass matrix, as a DOLFINx form. Collective.
+
+    Where the mesh has grown, parts of a node share its mass as the volume of the cells around it.
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
@@ -33,10 +38,17 @@ def lumped_mass(mesh, density, volume):
     Returns:
         Masses, shape (num_nodes,).
     """
-    share, mass = 0.25 * density[mesh.grain_of_cell] * volume, np.zeros(mesh.num_nodes)
-    for corner in mesh.cells.T:
-        mass += np.bincount(corner, share, mass.size)
-    return mass
+    view, origin = mesh.first_view, mesh.origin
+    rho = fem.Function(fem.functionspace(view.mesh, ("DG", 0)))
+    rho.x.array[view.cell_order] = density[mesh.grain_of_cell]
+    test = ufl.TestFunction(view.V)
+    masses = compiled_form(rho * ufl.inner(ufl.as_vector((1.0, 1.0, 1.0)), test) * ufl.dx)
+    mass = fem.assemble_vector(masses).array.reshape(-1, 3)[:, 0].copy()
+    if origin is None:
+        return mass
+    nodes, of_corner = mesh.cells.ravel(), np.repeat(volume, 4)
+    before = np.bincount(origin[nodes], of_corner, mass.size)
+    return mass[origin] * (np.bincount(nodes, of_corner, mesh.num_nodes) / before[origin])
 
 
 class Solid(ForceTerm):

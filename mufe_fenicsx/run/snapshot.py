@@ -76,7 +76,7 @@ def _topology(mesh):
 def restore_mesh(mesh, tables):
     """The mesh of then, made of that of the start. Collective.
 
-    Facets open as they did, one version after another, and nodes have their reference positions.
+    Nodes have their reference positions, and facets open as they did, one version after another.
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh` of version 0.
@@ -86,6 +86,7 @@ def restore_mesh(mesh, tables):
     Raises:
         InputError: A facet that opened is none of these grains; on all ranks.
     """
+    _restore_reference(mesh, tables["nodes"])
     opened = tables.get("topology")
     if opened is not None:
         local = np.searchsorted(mesh.grains, opened["grain"])
@@ -97,14 +98,16 @@ def restore_mesh(mesh, tables):
         pairs, last = mesh.named_cells[place], opened["version"].max(initial=0)
         for version in range(1, mesh.comm.allreduce(int(last), op=MPI.MAX) + 1):
             mesh = mesh.grow(pairs[opened["version"] == version])
-    _restore_reference(mesh, tables)
     return mesh
 
 
-def _restore_reference(mesh, tables):
+def _restore_reference(mesh, table):
+    """Nodes of the start, which are the first ones of their grain in a table of all. Collective."""
+    local = np.searchsorted(mesh.grains, table["grain"])
+    number = np.arange(local.size) - np.searchsorted(local, np.arange(mesh.num_grains))[local]
     x = np.empty_like(mesh.x)
-    x[mesh.named_nodes] = tables["nodes"]["reference"]
-    # DOLFINx's geometry has other last digits than `mesh.x` until it is set.
+    x[mesh.named_nodes] = table["reference"][number < np.diff(mesh.node_offset)[local]]
+    # DOLFINx's geometry has other last digits than `mesh.x` until it is set, and so have masses.
     if mesh.comm.allreduce(np.count_nonzero(x != mesh.x)):
         set_reference(mesh, x)
 
