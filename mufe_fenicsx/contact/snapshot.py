@@ -331,6 +331,7 @@ def restore_contact(contact, mesh, tables, everything_moves, grown=False):
     ghosts.receive()
     ghosts.place_points()
     contact.motion.measure_from(previous)
+    contact.bind()  # which fills in what pairs have of their points: their energy asks for it
 
 
 def _pairs(contact, names, table, candidates):
