@@ -175,6 +175,30 @@ def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed, place, share
     np.testing.assert_allclose(f, numeric, atol=1e-8 * size)
 
 
+@pytest.mark.parametrize("place, share", [(0.5, 1.0), (0.003, 1.0), (0.995, 1.0), (0.9, 0.3)])
+def test_springs_of_the_time_step_bound_the_stiffness_of_a_crossing(place, share):
+    """Also where a deep one fades out: the derivative of its forces against the listed spring."""
+    x = two_tets(np.random.default_rng(2))
+    pressed(x, 0.05)
+    pair = Pair()
+    pair.edges.share[:], pair.ratio[:] = share, 1e-9  # no friction
+    pair.force(x)
+    x[4:] += (place - pair.place[0, 0]) * (x[1] - x[0])
+    forces, step = EdgeForces(pair, pair.edges, np.full((1, 2), 1e9), x, np.zeros_like(x)), 1e-6
+    pair.force(x)
+    (stiffness,) = forces.springs(0.0, 10.0)[1]
+    H = np.empty((x.size, x.size))
+    for i in range(x.size):
+        d = np.zeros_like(x)
+        d.ravel()[i] = step
+        H[i] = ((pair.force(x - d) - pair.force(x + d)) / (2 * step)).ravel()
+    s, t = pair.place[0]
+    # The gap and the way along the edges have the same shares of their ends, to the gap over L.
+    shares = (1 - s) ** 2 + s**2 + (1 - t) ** 2 + t**2
+    largest = np.linalg.eigvalsh(0.5 * (H + H.T))[-1]
+    assert 0.5 * stiffness * shares < largest < 1.1 * stiffness * shares
+
+
 def test_looking_when_it_is_due_finds_what_looking_always_does():
     """Bodies that tumble past each other; bounds by how far their nodes moved."""
     rng = np.random.default_rng(11)

@@ -253,8 +253,13 @@ int64_t mufe_find_springs(const edge_pairs_type *m, int64_t *on, double *k, doub
   for (int64_t p = 0; p < num_pairs; p++) {
     const edge_pair_row *s = m->row + p;
     if (!s->closed && !can_close(s, m->next_check[p] - bound, margin)) continue;
+    /* Where the stiffness changes along the edges, depth and place act on each other: the largest
+       eigenvalue of k, c; c, 0. */
+    const series_type now = stiffness_now(m, s);
+    const double depth = s->closed ? most(depth_now(s), 0.0) : 0.0, half = 0.5 * now.at_ends;
+    const double c = depth * length(push_along(edges_of(m, s), now.slope).force);
     on[count] = p;
-    k[count++] = stiffness_now(m, s).at_ends;
+    k[count++] = half + sqrt(half * half + c * c);
   }
   return count;
 }
