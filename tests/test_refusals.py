@@ -238,7 +238,10 @@ def opened_elsewhere(_):
     """A facet of the last rank's checkpoint between cells that there are not."""
     here = np.full(int(COMM.rank == LAST), 10**6)
     columns = {"grain": 0 * here + LAST, "cell": here, "across": here, "version": here}
-    restore_mesh(cubes(), {"topology": columns})
+    mesh = cubes()
+    nodes = mesh.named_nodes
+    nodes = {"grain": mesh.grains[mesh.grain_of_node[nodes]], "reference": mesh.x[nodes]}
+    restore_mesh(mesh, {"nodes": nodes, "topology": columns})
 
 
 def create_folder(folder, name="run"):

@@ -135,6 +135,7 @@ def pressed(x, depth):
         (0.5, 1.0, 0.0),
         (0.5, 1.0, 0.7),
         (0.003, 1.0, 0.7),  # fades out, where the edge goes on as another one
+        (-0.003, 1.0, 0.7),
         (0.9, 0.3, 0.7),  # toward a corner
     ],
 )

@@ -158,7 +158,8 @@ EDGE_PAIR = Row(
     ("slip", REAL, 1, KEPT),  # since the last search, as the work
     ("work", REAL, 1, KEPT),
     ("ratio", REAL),
-    ("unused_2", REAL, 2),
+    ("stored", REAL, 1, KEPT),  # energy at the end of the last step
+    ("unused_2", REAL),
 )
 #: What a pair needs where a body yields beneath it.
 DENT = Row(

@@ -5,7 +5,7 @@
 
 #include "contact_law.h"
 
-#define END 1e-2 /* part of an edge beyond its end up to which a crossing may lie there */
+#define END 5e-2 /* part of an edge beyond its end up to which a crossing may lie there */
 
 /* Edges, as in kernels/contact/edges.py. */
 typedef struct {
@@ -74,14 +74,15 @@ INLINE series_type crossing_stiffness(const edges_type *e, int64_t i, int64_t j,
   const double soft = 1.0 + k * (s * (1.0 - s) * D + t * (1.0 - t) * other), now = k / soft;
   const double at_corner = fade * even / (soft * soft), between = -fade * now * now;
   const int first = a.corner <= b.corner;
-  return (series_type){fade * now,
-                       k,
-                       fade,
-                       fade * k * layers,
-                       {a.fade_slope * b.fade * now + between * (1.0 - 2.0 * s) * D +
-                            (first ? at_corner * a.corner_slope : 0.0),
-                        a.fade * b.fade_slope * now + between * (1.0 - 2.0 * t) * other +
-                            (first ? 0.0 : at_corner * b.corner_slope)}};
+  return (series_type){
+      fade * now,
+      k,
+      fade,
+      fade * k * layers,
+      {a.fade_slope * b.fade * now + between * (s == at.s ? 1.0 - 2.0 * s : 0.0) * D +
+           (first ? at_corner * a.corner_slope : 0.0),
+       a.fade * b.fade_slope * now + between * (t == at.t ? 1.0 - 2.0 * t : 0.0) * other +
+           (first ? 0.0 : at_corner * b.corner_slope)}};
 }
 
 /* Force Q = q u + r v on edge u, its opposite on edge v, by which an energy moves a crossing; ``by``:

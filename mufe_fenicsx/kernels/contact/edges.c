@@ -8,9 +8,9 @@
 #define DEEPEST 0.6
 /* Angle by which an open crossing may seem outside its facets by rounding [rad]. */
 #define APART 1e-3
-/* A crossing takes over where it has faded in by no more than so many times what the other one has
-   faded out by: edges are uneven. Else it came in from the side, beside one that stays. */
-#define UNEVEN 1.5
+/* A crossing takes over from one that fades out where it has faded in no more than so far. Else it
+   came in from the side, beside one that stays. */
+#define FADED_IN 0.1
 /* How far from its end, in parts of its edge, one may be that takes over and pierces no facet. */
 #define ARRIVING END
 /* How far ``outside`` a crossing is whose edges or facets end before they meet. */
@@ -60,6 +60,7 @@ static void look(const edge_pairs_type *m, found_type *found, int64_t p, double 
   const int32_t i = s->first, j = s->second;
   const int was_open = s->outside <= 0.0, was_inside = was_open && s->gap < 0.0;
   const crossing_type now = crossing(m->x, e, i, j);
+  if (s->closed) s->stored = energy_of(spring_of(s), depth_now(s), s->shear);
   s->outside = now.outside;
   if (now.gap < INFINITY) { /* not parallel */
     s->gap = now.gap, s->normal = now.normal;
@@ -100,11 +101,6 @@ INLINE int goes_on(const edges_type *e, int64_t i, int64_t j) {
   return i == j;
 }
 
-/* The part of a closed crossing that has faded out. */
-INLINE double lost_by(const edge_pairs_type *m, const edge_pair_row *q) {
-  return q->outside > 0.0 ? 1.0 : 1.0 - stiffness_now(m, q).fade;
-}
-
 /* The deepest closed crossing that fades out, or has left, where that of s fades in; NULL if none. Both
    edges of s are its edges, or go on from these. */
 static const edge_pair_row *left_to(const edge_pairs_type *m, int64_t num_due,
@@ -113,7 +109,8 @@ static const edge_pair_row *left_to(const edge_pairs_type *m, int64_t num_due,
   const double fade = stiffness_now(m, s).fade;
   for (int64_t k = 0; k < num_due; k++) {
     const edge_pair_row *q = m->row + m->scratch[k];
-    if (q->closed && (!best || q->gap < best->gap) && fade <= UNEVEN * lost_by(m, q) &&
+    const int gives_way = q->outside > 0.0 || (fade <= FADED_IN && stiffness_now(m, q).fade < 1.0);
+    if (q->closed && gives_way && (!best || q->gap < best->gap) &&
         goes_on(&m->edges, q->first, s->first) && goes_on(&m->edges, q->second, s->second))
       best = q;
   }
@@ -158,15 +155,17 @@ INLINE void lose(found_type *found, edge_pair_row *s, double lost) {
   s->work += lost;
 }
 
-/* A pair opens, upwards or sideways. ``spring``: of friction; ``half``: its energy over stiffness. */
+/* A pair opens, upwards or sideways. ``spring``: of friction; ``half``: its energy over stiffness.
+   Sideways its springs lose what they stored, less the work of half of the last force in this step:
+   the mean of then and of what they would store here. */
 static void open_pair(const edge_pairs_type *m, found_type *found, int64_t p, vec3 spring,
                       double half, double bound) {
   edge_pair_row *s = m->row + p;
-  const double depth = depth_now(s);
+  const double depth = depth_now(s), k = stiffness_now(m, s).stiffness;
   if (depth <= 0.0)
     lose(found, s, lost_at_opening(s->shear, spring));
   else
-    found->switched += energy_over(s, s->stiffness, depth) + s->stiffness * half;
+    found->switched += 0.5 * (s->stored + energy_over(s, k, depth) + k * half);
   s->closed = 0;
   s->shear = (vec3){0.0, 0.0, 0.0};
   m->next_check[p] = bound + (s->outside <= 0.0 ? most(s->gap, 0.0) : 0.0);
