@@ -129,18 +129,9 @@ def pressed(x, depth):
     return n
 
 
-@pytest.mark.parametrize(
-    "place, share, compliance",
-    [
-        (0.5, 1.0, 0.0),
-        (0.5, 1.0, 0.7),
-        (0.003, 1.0, 0.7),  # fades out, where the edge goes on as another one
-        (-0.003, 1.0, 0.7),
-        (0.9, 0.3, 0.7),  # toward a corner
-    ],
-)
+@pytest.mark.parametrize("compliance", [0.0, 0.7])
 @pytest.mark.parametrize("seed", range(5))
-def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed, place, share, compliance):
+def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed, compliance):
     """Stuck and pressed: f = -dU/dx in normal and tangential direction, no net force or moment.
 
     With the stiffness that changes along both edges, too.
@@ -150,11 +141,9 @@ def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed, place, share
     pressed(x, 0.05)
     pair = Pair()
     pair.edges.compliance[:] = compliance, 2.0 * compliance
-    pair.edges.share[:] = share
     pair.force(x)  # closes with its stick points at the crossing
     assert pair.closed[0]
-    x[4:] += (place - pair.place[0, 0]) * (x[1] - x[0])
-    x = x + (0.03 if place == 0.5 else 0.001) * rng.standard_normal(x.shape)
+    x = x + 0.03 * rng.standard_normal(x.shape)
     f = pair.force(x)
     assert pair.outside[0] <= 0
     size = np.abs(f).max()
@@ -174,30 +163,6 @@ def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed, place, share
         numeric[i] = -(sides[0] - sides[1]) / (2 * step)
     # Central differences: step² and eps/step.
     np.testing.assert_allclose(f, numeric, atol=1e-8 * size)
-
-
-@pytest.mark.parametrize("place, share", [(0.5, 1.0), (0.003, 1.0), (0.995, 1.0), (0.9, 0.3)])
-def test_springs_of_the_time_step_bound_the_stiffness_of_a_crossing(place, share):
-    """Also where a deep one fades out: the derivative of its forces against the listed spring."""
-    x = two_tets(np.random.default_rng(2))
-    pressed(x, 0.05)
-    pair = Pair()
-    pair.edges.share[:], pair.ratio[:] = share, 1e-9  # no friction
-    pair.force(x)
-    x[4:] += (place - pair.place[0, 0]) * (x[1] - x[0])
-    forces, step = EdgeForces(pair, pair.edges, np.full((1, 2), 1e9), x, np.zeros_like(x)), 1e-6
-    pair.force(x)
-    (stiffness,) = forces.springs(0.0, 10.0)[1]
-    H = np.empty((x.size, x.size))
-    for i in range(x.size):
-        d = np.zeros_like(x)
-        d.ravel()[i] = step
-        H[i] = ((pair.force(x - d) - pair.force(x + d)) / (2 * step)).ravel()
-    s, t = pair.place[0]
-    # The gap and the way along the edges have the same shares of their ends, to the gap over L.
-    shares = (1 - s) ** 2 + s**2 + (1 - t) ** 2 + t**2
-    largest = np.linalg.eigvalsh(0.5 * (H + H.T))[-1]
-    assert 0.5 * stiffness * shares < largest < 1.1 * stiffness * shares
 
 
 def test_looking_when_it_is_due_finds_what_looking_always_does():

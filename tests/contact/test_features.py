@@ -125,10 +125,8 @@ def test_a_node_beside_a_sharp_edge_is_pressed_back_through_its_face():
     bodies = TwoBodies(lower, upper)
     for _ in range(11):
         force = bodies.move([0, 0, -1e-3])
-    # Crossings are pushed along their edges, to where these are softer. Beside a corner of three
-    # edges of length L the stiffness grows by 2/3 over L/4: by 4 · 2/3 · depth/2L of the force.
-    sideways = 4 * 2 / 3 * 0.01 / (2 * 0.5)
-    assert force[2] > 0 and np.abs(force[:2]).max() < sideways * force[2]
+    # Crossings are pushed along their edges, away from the nodes that they meet 0.002 beside.
+    assert force[2] > 0 and np.abs(force[:2]).max() < 1e-3 * force[2]
     # Each block has 4 of its 9 nodes above or below the other, the corner's among them.
     pairs = bodies.contact.pairs
     assert np.abs(pairs.normal[pairs.closed] @ TURN)[:, :2].max() < 1e-9

@@ -5,7 +5,7 @@
 
 #include "contact_law.h"
 
-#define END 5e-2 /* part of an edge beyond its end up to which a crossing may lie there */
+#define END 1e-2 /* part of an edge beyond its end up to which a crossing may lie there */
 
 /* Edges, as in kernels/contact/edges.py. */
 typedef struct {
@@ -34,55 +34,47 @@ INLINE place_type parts_along(two_edges e, double along_u, double along_v) {
   return (place_type){(vv * along_u - uv * along_v) / det, (uv * along_u - uu * along_v) / det};
 }
 
-/* Parts of the stiffness of a crossing by its place on an edge, and their derivatives: at corners,
-   and beside edges. Toward a corner of k edges it falls to a k-th over a quarter of the edge, for
-   several of them can cross there at once. Toward an end where the edge goes on, ``share`` 1, it
-   fades out while that of the next edge fades in: the two of a straight ridge add up to one. */
+/* Parts of the stiffness of a crossing by its place on an edge: at corners, and beside edges. Toward
+   a corner of k edges it falls to a k-th over a quarter of the edge, for several of them can cross
+   there at once. Toward an end where the edge goes on, ``share`` 1, it fades out while that of the
+   next edge fades in: the two of a straight ridge add up to one. */
 typedef struct {
-  double corner, fade, corner_slope, fade_slope;
+  double corner, fade;
 } parts_type;
 INLINE parts_type parts_at(double place, const double *share) {
-  const double way = place < 0.5 ? 1.0 : -1.0, inside = place < 0.5 ? place : 1.0 - place;
+  const double inside = place < 0.5 ? place : 1.0 - place;
   const double end = place < 0.5 ? share[0] : share[1];
-  parts_type now = {1.0, 1.0, 0.0, 0.0};
-  if (end == 1.0) {
-    now.fade = least(most(0.5 + 0.5 * inside / END, 0.0), 1.0);
-    if (fabs(inside) < END) now.fade_slope = way * 0.5 / END;
-  } else {
-    now.corner = end + (1.0 - end) * least(most(4.0 * inside, 0.0), 1.0);
-    if (inside > 0.0 && inside < 0.25) now.corner_slope = way * 4.0 * (1.0 - end);
-  }
-  return now;
+  if (end == 1.0) return (parts_type){1.0, least(most(0.5 + 0.5 * inside / END, 0.0), 1.0)};
+  return (parts_type){end + (1.0 - end) * least(most(4.0 * inside, 0.0), 1.0), 1.0};
 }
 
-/* Stiffness of a crossing and its derivatives by s and t. Meshes are even, A/2 of a node of the finer
-   edge over both layers, k. Between the ends of an edge a force finds the mesh stiffer than at them,
-   by what the place ξ takes off its compliance, ξ (1 - ξ) D. That is added to the spring's own:
-   1/k' = 1/k + s (1 - s) D + t (1 - t) D of the other. ``at_ends``: as if both were at nodes and did
-   not ``fade`` out. ``area``: that it stands for. */
+/* Stiffness of a crossing of the edges i and j between meshes that are even, A/2 of a node of the
+   finer edge over both layers, and the part that has faded in. */
 typedef struct {
-  double stiffness, at_ends, fade, area;
+  double stiffness, fade;
+} even_type;
+INLINE even_type at_place(const edges_type *e, int64_t i, int64_t j, place_type at) {
+  const parts_type a = parts_at(at.s, e->share + 2 * i), b = parts_at(at.t, e->share + 2 * j);
+  const double area = least(e->area[i], e->area[j]), layers = e->layer[i] + e->layer[j];
+  return (even_type){0.5 * least(a.corner, b.corner) * area / layers, a.fade * b.fade};
+}
+
+/* Stiffness of a crossing, and its derivatives by s and t. Between the ends of an edge a force finds
+   the mesh stiffer than at them, by what the place ξ takes off its compliance, ξ (1 - ξ) D. That is
+   added to the spring's own: 1/k' = 1/k + s (1 - s) D + t (1 - t) D of the other. */
+typedef struct {
+  double stiffness;
   place_type slope;
 } series_type;
+INLINE series_type in_series(even_type even, place_type at, double compliance, double other) {
+  const double s = least(most(at.s, 0.0), 1.0), t = least(most(at.t, 0.0), 1.0), k = even.stiffness;
+  const double soft = 1.0 + k * (s * (1.0 - s) * compliance + t * (1.0 - t) * other);
+  const double softened = k / soft, slope = -even.fade * (softened * softened);
+  return (series_type){even.fade * k / soft,
+                       {slope * (1.0 - 2.0 * s) * compliance, slope * (1.0 - 2.0 * t) * other}};
+}
 INLINE series_type crossing_stiffness(const edges_type *e, int64_t i, int64_t j, place_type at) {
-  const parts_type a = parts_at(at.s, e->share + 2 * i), b = parts_at(at.t, e->share + 2 * j);
-  const double layers = e->layer[i] + e->layer[j], fade = a.fade * b.fade;
-  const double even = 0.5 * least(e->area[i], e->area[j]) / layers;
-  const double k = least(a.corner, b.corner) * even;
-  const double s = least(most(at.s, 0.0), 1.0), t = least(most(at.t, 0.0), 1.0);
-  const double D = e->compliance[i], other = e->compliance[j];
-  const double soft = 1.0 + k * (s * (1.0 - s) * D + t * (1.0 - t) * other), now = k / soft;
-  const double at_corner = fade * even / (soft * soft), between = -fade * now * now;
-  const int first = a.corner <= b.corner;
-  return (series_type){
-      fade * now,
-      k,
-      fade,
-      fade * k * layers,
-      {a.fade_slope * b.fade * now + between * (s == at.s ? 1.0 - 2.0 * s : 0.0) * D +
-           (first ? at_corner * a.corner_slope : 0.0),
-       a.fade * b.fade_slope * now + between * (t == at.t ? 1.0 - 2.0 * t : 0.0) * other +
-           (first ? 0.0 : at_corner * b.corner_slope)}};
+  return in_series(at_place(e, i, j, at), at, e->compliance[i], e->compliance[j]);
 }
 
 /* Force Q = q u + r v on edge u, its opposite on edge v, by which an energy moves a crossing; ``by``:

@@ -8,9 +8,9 @@
 #define DEEPEST 0.6
 /* Angle by which an open crossing may seem outside its facets by rounding [rad]. */
 #define APART 1e-3
-/* A crossing takes over from one that fades out where it has faded in no more than so far. Else it
-   came in from the side, beside one that stays. */
-#define FADED_IN 0.1
+/* A crossing takes over from one that fades out: both parts add up to one, and to no more than this
+   on uneven edges. Else it came in from the side, beside one that stays. */
+#define BOTH_PARTS 1.3
 /* How far from its end, in parts of its edge, one may be that takes over and pierces no facet. */
 #define ARRIVING END
 /* How far ``outside`` a crossing is whose edges or facets end before they meet. */
@@ -63,6 +63,11 @@ static void look(const edge_pairs_type *m, found_type *found, int64_t p, double 
   if (s->closed) s->stored = energy_of(spring_of(s), depth_now(s), s->shear);
   s->outside = now.outside;
   if (now.gap < INFINITY) { /* not parallel */
+    /* What the stiffness changes by along even edges is a work of the forces. */
+    if (s->closed)
+      s->stiffness = in_series(at_place(e, i, j, two_of(s->place)), now.place, e->compliance[i],
+                               e->compliance[j])
+                         .stiffness;
     s->gap = now.gap, s->normal = now.normal;
     set_two(s->place, now.place);
   }
@@ -101,15 +106,16 @@ INLINE int goes_on(const edges_type *e, int64_t i, int64_t j) {
   return i == j;
 }
 
-/* The deepest closed crossing that fades out, or has left, where that of s fades in; NULL if none. Both
-   edges of s are its edges, or go on from these. */
+/* The deepest closed crossing that fades out, or has left, where that of s goes on; NULL if none.
+   Both edges of s are its edges, or go on from these. */
 static const edge_pair_row *left_to(const edge_pairs_type *m, int64_t num_due,
                                     const edge_pair_row *s) {
   const edge_pair_row *best = NULL;
-  const double fade = stiffness_now(m, s).fade;
+  const double fade = at_place(&m->edges, s->first, s->second, two_of(s->place)).fade;
   for (int64_t k = 0; k < num_due; k++) {
     const edge_pair_row *q = m->row + m->scratch[k];
-    const int gives_way = q->outside > 0.0 || (fade <= FADED_IN && stiffness_now(m, q).fade < 1.0);
+    const double part = at_place(&m->edges, q->first, q->second, two_of(q->place)).fade;
+    const int gives_way = q->outside > 0.0 || (part < 1.0 && fade + part <= BOTH_PARTS);
     if (q->closed && gives_way && (!best || q->gap < best->gap) &&
         goes_on(&m->edges, q->first, s->first) && goes_on(&m->edges, q->second, s->second))
       best = q;
@@ -155,17 +161,16 @@ INLINE void lose(found_type *found, edge_pair_row *s, double lost) {
   s->work += lost;
 }
 
-/* A pair opens, upwards or sideways. ``spring``: of friction; ``half``: its energy over stiffness.
-   Sideways its springs lose what they stored, less the work of half of the last force in this step:
-   the mean of then and of what they would store here. */
+/* A pair opens, upwards or sideways. ``spring``: of friction; ``half``: its energy over stiffness. */
 static void open_pair(const edge_pairs_type *m, found_type *found, int64_t p, vec3 spring,
                       double half, double bound) {
   edge_pair_row *s = m->row + p;
-  const double depth = depth_now(s), k = stiffness_now(m, s).stiffness;
+  const double depth = depth_now(s);
   if (depth <= 0.0)
     lose(found, s, lost_at_opening(s->shear, spring));
   else
-    found->switched += 0.5 * (s->stored + energy_over(s, k, depth) + k * half);
+    found->switched +=
+        0.5 * (s->stored + energy_over(s, s->stiffness, depth) + s->stiffness * half);
   s->closed = 0;
   s->shear = (vec3){0.0, 0.0, 0.0};
   m->next_check[p] = bound + (s->outside <= 0.0 ? most(s->gap, 0.0) : 0.0);
@@ -177,7 +182,7 @@ static void add_one(const edge_pairs_type *m, found_type *found, int64_t p, doub
   if (m->next_check[p] > bound || !(s->closed || s->outside <= 0.0)) return;
   const place_type at = two_of(s->place);
   const two_edges both = edges_of(m, s);
-  const double depth = depth_now(s);
+  const double depth = depth_now(s), carried = s->stiffness;
   place_type by = {s->stick_point[0] - at.s, s->stick_point[1] - at.t};
   vec3 spring = between(both, by);
   const double trial = length(spring);
@@ -194,8 +199,13 @@ static void add_one(const edge_pairs_type *m, found_type *found, int64_t p, doub
   }
   const series_type k = stiffness_now(m, s);
   const double kn = k.stiffness, kt = kn * s->ratio;
-  if (!s->closed) found->switched -= kn * half;
-  s->closed = 1;
+  if (s->closed) {
+    found->switched += energy_over(s, carried - kn, depth);
+    found->switched += (carried - kn) * half;
+  } else {
+    found->switched -= kn * half;
+    s->closed = 1;
+  }
   s->stiffness = kn;
   m->next_check[p] = bound;
   if (s->sliding) {
@@ -252,13 +262,9 @@ int64_t mufe_find_springs(const edge_pairs_type *m, int64_t *on, double *k, doub
   for (int64_t p = 0; p < num_pairs; p++) {
     const edge_pair_row *s = m->row + p;
     if (!s->closed && !can_close(s, m->next_check[p] - bound, margin)) continue;
-    /* Where the stiffness changes along the edges, depth and place act on each other: the largest
-       eigenvalue of k, c; c, 0. */
-    const series_type now = stiffness_now(m, s);
-    const double depth = s->closed ? most(depth_now(s), 0.0) : 0.0, half = 0.5 * now.at_ends;
-    const double c = depth * length(push_along(edges_of(m, s), now.slope).force);
+    /* As if it did not fade out where one edge goes on as the next, and were at nodes. */
     on[count] = p;
-    k[count++] = half + sqrt(half * half + c * c);
+    k[count++] = at_place(&m->edges, s->first, s->second, two_of(s->place)).stiffness;
   }
   return count;
 }
@@ -266,10 +272,14 @@ int64_t mufe_find_springs(const edge_pairs_type *m, int64_t *on, double *k, doub
 /* Areas that the closed crossings ``on`` stand for, and q, r and Q of push_along, rows of five. */
 void mufe_areas_and_pushes(const edge_pairs_type *m, double *area, double *pushes,
                            const int64_t *on, int64_t num) {
+  const edges_type *e = &m->edges;
   for (int64_t k = 0; k < num; k++) {
     const edge_pair_row *s = m->row + on[k];
-    const series_type now = stiffness_now(m, s);
-    area[k] = now.area;
+    const int32_t i = s->first, j = s->second;
+    const place_type at = two_of(s->place);
+    const even_type even = at_place(e, i, j, at);
+    area[k] = even.fade * even.stiffness * (e->layer[i] + e->layer[j]);
+    const series_type now = in_series(even, at, e->compliance[i], e->compliance[j]);
     const double T2 = dot(s->shear, s->shear), kn = now.stiffness, kt = kn * s->ratio;
     const double of_friction = T2 > 0.0 ? 0.5 * T2 / kt / kn : 0.0;
     const double stored = energy_over(s, 1.0, depth_now(s)) + of_friction;

@@ -168,9 +168,9 @@ void mufe_pair_tangent(const tangent_type *m, int64_t num_before, int64_t num_pa
 /* What of a crossing of edges stays as it is; ``begin``: gap at which it is closed. */
 typedef struct {
   const edge_pair_row *row;
-  const edges_type *edges;
+  even_type even;
   int slips;
-  double side, begin, ratio, kinetic;
+  double side, begin, compliance, other_compliance, ratio, kinetic;
   place_type stick_point;
 } frozen_edges;
 
@@ -182,7 +182,7 @@ static void forces_of_edges(const void *pair, const vec3 x[4], vec3 f[4]) {
   const vec3 normal = times(q->side / length(n), n);
   const double gap = dot(w, normal), depth = q->begin - gap, largest = q->row->largest_depth;
   const place_type at = parts_along(both, -dot(both.u, w), -dot(both.v, w));
-  const series_type k = crossing_stiffness(q->edges, q->row->first, q->row->second, at);
+  const series_type k = in_series(q->even, at, q->compliance, q->other_compliance);
   place_type by = {q->stick_point.s - at.s, q->stick_point.t - at.t};
   double keep;
   coulomb_as(q->ratio * length(between(both, by)), 0.0,
@@ -213,10 +213,12 @@ void mufe_edge_tangent(const tangent_type *m, int64_t num_before, int64_t num_pa
     const vec3 u = minus(x[1], x[0]), v = minus(x[3], x[2]);
     const place_type place = {s->place[0], s->place[1]};
     frozen_edges q = {s,
-                      e,
+                      at_place(e, i, j, place),
                       0,
                       copysign(1.0, dot(s->normal, cross(u, v))),
                       s->offset - s->recess,
+                      e->compliance[i],
+                      e->compliance[j],
                       s->ratio,
                       0.0,
                       {s->stick_point[0], s->stick_point[1]}};
