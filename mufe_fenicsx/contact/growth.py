@@ -54,7 +54,7 @@ def carry_contact(old, old_mesh, new, mesh, x):
 
 
 def touches(contact, nodes):
-    """Whether a closed pair of this rank has to do with some nodes. Collective.
+    """Whether a pair of this rank, closed or near, has to do with some nodes. Collective.
 
     Args:
         contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
@@ -66,10 +66,10 @@ def touches(contact, nodes):
     flags.forward()
     flagged = flags.array[contact.ghosts.num_before :, 0] > 0.0
     flags.array[:] = 0.0
-    facet = contact.surface.facets[p.candidate[p.closest[p.closed]]]
-    own = points.corner[np.concatenate([p.node[p.closed], w.node[w.closed]])]
+    facet = contact.surface.facets[p.candidate]
+    own = points.corner[np.concatenate([p.node, w.node])]
     e = contact.edges.pairs
-    ends = contact.edges.edges.ends[np.append(e.first[e.closed], e.second[e.closed])]
+    ends = contact.edges.edges.ends[np.append(e.first, e.second)]
     return any(flagged[of].any() for of in (facet, own, ends))
 
 

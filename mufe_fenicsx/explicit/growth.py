@@ -105,8 +105,9 @@ def carry_over(old, new):
 def _meet_anew(simulation):
     """Find pairs of new facets, and where a crack ends in a contact what the others store.
 
-    The smooth surface beside it is another then. Walls keep their loads of the last step.
-    Collective.
+    The smooth surface beside it is another then. What overlaps now that was not in contact, as nodes
+    do that have become vertices, is accepted as at the start: it carries from there on. Walls keep
+    their loads of the last step. Collective.
     """
     contact, walls, x = simulation.contact, simulation.walls, simulation.state.x
     contact.search(x)
@@ -120,7 +121,7 @@ def _meet_anew(simulation):
     loads = walls.force, walls.torque, walls.curved.pressing
     kept = [load.copy() for load in loads]
     contact.begin_step(x)
-    contact.add_forces(np.zeros_like(x), x)
+    contact.add_forces(np.zeros_like(x), x, accept=True)
     for load, value in zip(loads, kept, strict=True):
         load[:] = value
 

@@ -559,3 +559,20 @@ def test_increments_and_membranes_do_not_grow():
     )  # fmt: skip
     with pytest.raises(InputError, match="membrane sleeve beside a mesh that grows"):
         s.grow(between(s.mesh, middle))
+
+
+def test_nodes_that_become_vertices_in_a_contact_carry_from_there_on():
+    """A ball between walls, so coarse that its poles are behind them and carry nothing, is cut."""
+    points, cells = sphere(0.5e-3, 0.1e-3)
+    s = build(ALONE, [(points, cells)], ELASTIC, points.min(axis=0), points.max(axis=0), axes="z")
+    s.walls.velocity[s.walls.names.index("z_max"), 2] = -1.0
+    while s.state.t < 2e-6:
+        s.step()
+    s.walls.velocity[:] = 0.0
+    assert not s.contact.counts()[0]
+    _, pairs = s.mesh.inner_facets()
+    right = s.mesh.x[s.mesh.cells].mean(axis=1)[:, 0] > 0.0
+    s.grow(pairs[right[pairs[:, 0]] != right[pairs[:, 1]]])
+    for _ in range(20):
+        s.step()
+    assert not s.wall_forces().any() and s.kinetic_energy() == 0.0
