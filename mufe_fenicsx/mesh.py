@@ -581,7 +581,7 @@ def _pairs_of_cells(mesh, between):
     a, b = pairs[np.argmax(wrong)]
     return pairs, (
         f"facet to open between the cells {a} and {b}, expected two of {mesh.num_cells} rows of "
-        "cells that share a facet"
+        "cells that share a facet that is closed"
     )
 
 

@@ -105,9 +105,9 @@ def carry_over(old, new):
 def _meet_anew(simulation):
     """Find pairs of new facets, and where a crack ends in a contact what the others store.
 
-    The smooth surface beside it is another then. What overlaps now that was not in contact, as nodes
-    do that have become vertices, is accepted as at the start: it carries from there on. Walls keep
-    their loads of the last step. Collective.
+    The smooth surface beside it is another then. What overlaps now that was not in contact, as
+    nodes do that have become vertices, is accepted as at the start: it carries from there on. Walls
+    keep their loads of the last step. Collective.
     """
     contact, walls, x = simulation.contact, simulation.walls, simulation.state.x
     contact.search(x)
