@@ -48,7 +48,7 @@ def balance(s):
 def test_nothing_jumps_when_a_grain_begins_to_deform():
     """Forces, energies and momenta are those of before: the same bodies, contact and masses."""
     s = balls(LATE, velocity=spinning)
-    for _ in range(60):  # until both balls that touch are loaded
+    for _ in range(40):  # until both balls that touch are loaded
         s.step()
     assert s.comm.allreduce(s.solid.grains.size) == 0
     (before, momenta), wall_forces = balance(s), s.wall_forces()
