@@ -60,7 +60,6 @@ static void look(const edge_pairs_type *m, found_type *found, int64_t p, double 
   const int32_t i = s->first, j = s->second;
   const int was_open = s->outside <= 0.0, was_inside = was_open && s->gap < 0.0;
   const crossing_type now = crossing(m->x, e, i, j);
-  if (s->closed) s->stored = energy_of(spring_of(s), depth_now(s), s->shear);
   s->outside = now.outside;
   if (now.gap < INFINITY) { /* not parallel */
     /* What the stiffness changes by along even edges is a work of the forces. */
@@ -161,7 +160,9 @@ INLINE void lose(found_type *found, edge_pair_row *s, double lost) {
   s->work += lost;
 }
 
-/* A pair opens, upwards or sideways. ``spring``: of friction; ``half``: its energy over stiffness. */
+/* A pair opens, upwards or sideways. ``spring``: of friction; ``half``: its energy over stiffness.
+   Sideways its springs lose what they stored, less the work of half of the last force in this step:
+   the mean of then and of what they would store here. */
 static void open_pair(const edge_pairs_type *m, found_type *found, int64_t p, vec3 spring,
                       double half, double bound) {
   edge_pair_row *s = m->row + p;
@@ -219,6 +220,7 @@ static void add_one(const edge_pairs_type *m, found_type *found, int64_t p, doub
   s->shear = times(-kt, spring);
   /* The same energy moves it along the edges, towards where the spring is softer. */
   const double stored = energy_over(s, 1.0, depth) + half;
+  s->stored = kn * stored;
   const push_type push = push_along(both, (place_type){k.slope.s * stored, k.slope.t * stored});
   vec3 on[4];
   forces_on_ends(on, normal_force(kn, 0.0, depth, s->largest_depth), kt, at, by, s->gap, s->normal,
