@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 import basix.ufl
@@ -14,7 +13,14 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc  # noqa: F401  starts it, and with it its handlers of signals
 
 from .errors import raise_on_broken_pipes, raise_together
-from .kernels.geometry.topology import FACETS, body_defect, inner_facets, part_nodes
+from .kernels.geometry.topology import (
+    body_defect,
+    boundary_facets,
+    inner_facets,
+    part_nodes,
+    rows_of,
+    sides_of,
+)
 from .machine.notebook import html_table
 from .units import with_unit
 
@@ -337,7 +343,7 @@ class GrainMesh:
         source, new_cells = source[by_place], new_number[cells]
         grain_of_node = self.grain_of_node[source]
         nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
-        facets, grain_of_facet, cell_of_facet = _boundary(new_cells, self.cell_offset)
+        facets, grain_of_facet, cell_of_facet = boundary_facets(new_cells, self.cell_offset)
         name = np.concatenate([given[0], num + np.arange(parted.size)])[by_place]
         return replace(
             self,
@@ -356,7 +362,7 @@ class GrainMesh:
             source=Source(
                 source,
                 np.arange(self.num_cells),
-                _rows_of(
+                rows_of(
                     sides_of(self.cells, self.facets, self.cell_of_facet),
                     sides_of(new_cells, facets, cell_of_facet),
                 ),
@@ -413,7 +419,7 @@ def create_grain_mesh(
     nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
     node_offset = np.searchsorted(grain_of_node[nodes], np.arange(grains.size + 1))
 
-    facets, grain_of_facet, cell_of_facet = _boundary(dofs, cell_offset)
+    facets, grain_of_facet, cell_of_facet = boundary_facets(dofs, cell_offset)
     _check_elements(comm, x, dofs, cell_offset, facets, grain_of_facet, np.asarray(labels)[grains])
     return GrainMesh(
         comm=domain.comm,
@@ -538,30 +544,6 @@ def _check_elements(comm, x, cells, cell_offset, facets, grain_of_facet, labels)
     raise_together(comm, message)
 
 
-def _boundary(cells, cell_offset):
-    """Boundary facets with outward orientation, their grains and the cells beneath.
-
-    Found grain by grain from the cells: the facets of the DOLFINx topology would stay in
-    memory, 80 bytes a cell, and nothing else needs them.
-    """
-    found, beneath, count = [], [], []
-    for first, end in pairwise(cell_offset):
-        faces = cells[first:end][:, FACETS].reshape(-1, 3)
-        key = np.sort(faces, axis=1)
-        order = np.lexsort(key.T)
-        key = key[order]
-        same = (key[1:] == key[:-1]).all(axis=1)
-        single = np.ones(len(faces), dtype=bool)
-        single[1:] &= ~same
-        single[:-1] &= ~same
-        outer = np.sort(order[single])
-        found.append(faces[outer])
-        beneath.append((first + outer // 4).astype(np.int32))
-        count.append(outer.size)
-    grain = np.repeat(np.arange(len(count), dtype=np.int32), count)
-    return np.concatenate(found), grain, np.concatenate(beneath)
-
-
 def _pairs_of_cells(mesh, between):
     """Pairs of cells as integers, and the line for what shares no facet, or None. Local."""
     pairs = np.asarray(between)
@@ -583,20 +565,3 @@ def _pairs_of_cells(mesh, between):
         f"facet to open between the cells {a} and {b}, expected two of {mesh.num_cells} rows of "
         "cells that share a facet that is closed"
     )
-
-
-def sides_of(cells, facets, cell_of_facet):
-    """Numbers of sides of cells: 4 c + i of a facet across from corner i of cell c. Local.
-
-    Args:
-        cells: Nodes of the cells, shape (num_cells, 4).
-        facets, cell_of_facet: Nodes of facets, shape (num_facets, 3), and the cells beneath.
-    """
-    shared = (cells[cell_of_facet][:, :, None] == facets[:, None, :]).any(axis=2)
-    return 4 * cell_of_facet.astype(np.int64) + np.argmin(shared, axis=1)
-
-
-def _rows_of(known, wanted):
-    """Row of each wanted number among known, increasing ones, -1 where there is none."""
-    row = np.minimum(np.searchsorted(known, wanted), max(known.size - 1, 0))
-    return np.where(known[row] == wanted, row, -1) if known.size else np.full(wanted.size, -1)

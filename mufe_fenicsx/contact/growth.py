@@ -8,7 +8,7 @@ where it carries no contact any more.
 
 import numpy as np
 
-from ..mesh import sides_of
+from ..kernels.geometry.topology import sides_of
 from .snapshot import Names, as_arrays, contact_tables, joined, look_up, restore_contact
 
 
