@@ -14,9 +14,10 @@ itself. Across a circle there are 2a/h. Of a patch on a mirror, the part within 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_array
 from scipy.sparse.csgraph import connected_components
 
+from ...kernels.contact.patches import join_points
 from ..surface.points import entries
 from .edge_contacts import closed_crossings
 
@@ -32,13 +33,22 @@ class Patches:
     area_deformed: np.ndarray  #: the same now [m²]
     edge: np.ndarray  #: mean edge h of the facets there, of both sides by area [m]
     elements_per_radius: np.ndarray  #: a/h
-    elements_across: np.ndarray  #: where it is narrowest
+    moment: np.ndarray  #: second moments of their points over the area [m²], (num_patches, 3, 3)
     normal_force: np.ndarray  #: sum of its points [N]
     force_share: np.ndarray  #: of the force of all between grains, or of all with walls
     overlap: np.ndarray  #: volume within both bodies, beneath facets whose points are closed [m³]
     #: Reached in the elements of its facets [Pa], the lower one of both sides; inf: none yields.
     yield_stress: np.ndarray
     between_grains: np.ndarray  #: whether b is a grain
+
+    @property
+    def elements_across(self):
+        """Elements across each patch where it is narrowest, shape (num_patches,)."""
+        if not self.area.size:
+            return self.area
+        # The smallest moment is that across the plane of the patch.
+        narrow = np.linalg.eigvalsh(np.nan_to_num(self.moment))[:, 1]
+        return 4.0 * np.sqrt(np.maximum(narrow, 0.0) + self.edge**2 / 24.0) / self.edge
 
 
 #: Columns of the sums over points.
@@ -81,23 +91,25 @@ def _own_patches(contact, mesh, x, strength):
     """
     contact.ghosts.place_points()
     pair, vertices, sums = _terms(contact, mesh, x, strength)
-    num_vertices = max(contact.ghosts.num_nodes, 1)
-    _, of_pair = np.unique(pair, axis=0, return_inverse=True)
-    key = of_pair.reshape(-1, 1) * np.int64(num_vertices) + vertices
-    known, column = np.unique(key[vertices >= 0], return_inverse=True)
-    row = np.nonzero(vertices >= 0)[0]
-    patch = _components(row, column, len(pair), known.size)
-    num = int(patch.max(initial=-1)) + 1
-    of_patch, total = np.zeros((num, 2), dtype=np.int64), np.zeros((num, _NUM_COLUMNS))
-    of_patch[patch] = pair
-    np.add.at(total, patch, sums)
-    # A vertex stands in the table once for each two bodies.
-    first = np.zeros(known.size, dtype=np.int64)
-    first[column] = patch[row]
+    num_bodies = contact.dissipation.num_grains + len(contact.walls.names)
+    bodies = pair[:, 0] * num_bodies + pair[:, 1]
+    order = np.argsort(bodies, kind="stable")
+    patch = join_points(bodies, order, vertices, contact.ghosts.num_nodes)
+    of_patch, total = _sums_of(patch, pair, sums)
     rank = np.append(mesh.rank_of_grain, np.full(len(contact.walls.names), contact.comm.rank))
-    abroad = (rank[of_patch[first]] != contact.comm.rank).any(axis=1)
-    shared = np.column_stack([first, _numbers_on_all_ranks(contact)[known % num_vertices]])
-    return of_patch, total, shared[abroad]
+    abroad = (rank[pair] != contact.comm.rank).any(axis=1)
+    point, which = np.nonzero((vertices >= 0) & abroad[:, None])
+    numbers = _numbers_on_all_ranks(contact)[vertices[point, which]]
+    return of_patch, total, np.column_stack([patch[point], numbers])
+
+
+def _sums_of(patch, pair, sums):
+    """Bodies and sums over the rows of each patch, whose number is in ``patch``."""
+    num = int(patch.max(initial=-1)) + 1
+    of_patch = np.zeros((num, 2), dtype=np.int64)
+    of_patch[patch] = pair
+    rows = csr_array((np.ones(patch.size), (patch, np.arange(patch.size))), (num, patch.size))
+    return of_patch, rows @ sums
 
 
 def _terms(contact, mesh, x, strength):
@@ -263,11 +275,7 @@ def _joined(parts):
     named = np.column_stack([pair[shared[:, 0]], shared[:, 1]])
     known, column = np.unique(named, axis=0, return_inverse=True)
     patch = _components(shared[:, 0], column.reshape(-1), len(pair), len(known))
-    num = int(patch.max(initial=-1)) + 1
-    of_patch, total = np.zeros((num, 2), dtype=np.int64), np.zeros((num, _NUM_COLUMNS))
-    of_patch[patch] = pair
-    np.add.at(total, patch, sums)
-    return of_patch, total
+    return _sums_of(patch, pair, sums)
 
 
 def _patches(pair, sums, num_grains):
@@ -278,8 +286,6 @@ def _patches(pair, sums, num_grains):
     edge, mean = sums[:, _EDGE] / area, sums[:, _PLACE] / area[:, None]
     moment = sums[:, _MOMENT].reshape(-1, 3, 3) / area[:, None, None]
     moment -= mean[:, :, None] * mean[:, None]
-    # The smallest is that across the plane of the patch.
-    narrow = np.maximum(np.linalg.eigvalsh(np.nan_to_num(moment))[:, 1], 0.0) if len(area) else area
     between, share = pair[:, 1] < num_grains, np.zeros(len(area))
     for kind in (between, ~between):
         share[kind] = force[kind] / (force[kind].sum() or 1.0)
@@ -293,7 +299,7 @@ def _patches(pair, sums, num_grains):
         area_deformed=sums[:, _DEFORMED],
         edge=edge,
         elements_per_radius=np.sqrt(area / np.pi) / edge,
-        elements_across=4.0 * np.sqrt(narrow + edge**2 / 24.0) / edge,
+        moment=moment,
         normal_force=force,
         force_share=share,
         overlap=sums[:, _OVERLAP],
