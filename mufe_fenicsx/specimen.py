@@ -7,7 +7,6 @@ for its equilibria.
 from dataclasses import fields
 
 import numpy as np
-from mpi4py import MPI
 
 from .bulk.added_term import name_failure, try_term
 from .bulk.rigid import RigidGrains, check_rigid
@@ -16,7 +15,7 @@ from .bulk.tools import Tools, tool_solids
 from .contact.contact import Contact
 from .contact.glued import Glued
 from .contact.mirrors import Mirrors
-from .contact.results.network import num_active_pairs
+from .contact.results.network import num_active_grains, num_active_pairs
 from .contact.results.patches import find_patches
 from .contact.settings import ContactGrains, ContactSettings
 from .contact.start.overlap import check_start, too_deep
@@ -267,6 +266,11 @@ class Specimen(Stateful):
         """Follow a change of the nodal masses. Local."""
         self.free_mass = self.glued.free_mass(self.solid.mass)
 
+    def speed_bound(self):
+        """No node of this rank and no wall moves faster than this [m/s]. Local."""
+        v = self.state.v
+        return float(np.sqrt(max(np.einsum("ni,ni->n", v, v).max(), self.walls.speed_square())))
+
     def check(self, finite):
         """Stop where an element fails or a value is not finite. Collective.
 
@@ -362,14 +366,7 @@ class Specimen(Stateful):
 
     def num_active_grains(self):
         """Grains with at least one closed contact, sleeves and tools left out. Collective."""
-        active = np.zeros(self.mesh.labels.size, dtype=bool)
-        p, w, points = self.contact.pairs, self.walls.pairs, self.contact.points
-        active[points.grain_of_point[p.node[p.closed]]] = True
-        active[p.grain[p.closed]] = True
-        active[points.grain_of_point[w.node[w.closed]]] = True
-        active[self.contact.edges.closed_grains()] = True
-        self.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
-        return int(active[: self.mesh.num_sample_grains].sum())
+        return num_active_grains(self.contact, self.mesh.num_sample_grains)
 
     def mean_active_contacts(self):
         """Mean number of neighbours that press on a grain, of grains alone. Collective."""

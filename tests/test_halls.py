@@ -21,10 +21,8 @@ LINES = 60
 REACHES = 40
 MORE_REACHES = {
     "contact/contact.py:Contact": 67,
-    "explicit/simulation.py:Simulation": 49,
     "implicit/simulation.py:ImplicitSimulation": 50,
     "loading/stages.py:StagedLoading": 64,
-    "specimen.py:Specimen": 44,
 }
 
 _OPTIONS = "each choice of a chart is an option of `mufe verify`"

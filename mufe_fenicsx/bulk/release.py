@@ -10,14 +10,17 @@ class LoadWatch:
 
     Args:
         rigid: :class:`~mufe_fenicsx.bulk.rigid.RigidGrains` at the start.
-        materials: A material for each grain of this rank.
+        solid: :class:`~mufe_fenicsx.bulk.solid.Solid` of all grains of this rank.
     """
 
-    def __init__(self, rigid, materials):
-        self.rigid = rigid
+    def __init__(self, rigid, solid):
+        self.rigid, self.solid = rigid, solid
         #: sum of the force magnitudes up to which each rigid grain stays so [N]
         self.largest = np.array(
-            [largest_push(materials[g], R) for g, R in zip(rigid.grains, rigid.radius, strict=True)]
+            [
+                largest_push(solid.materials[g], R)
+                for g, R in zip(rigid.grains, rigid.radius, strict=True)
+            ]
         )
 
     @property
@@ -34,8 +37,17 @@ class LoadWatch:
         return self.rigid.pushes(f) > self.largest
 
     def release(self, which):
-        """Forget the grains ``which``, as the rigid ones did."""
+        """Let the rigid grains ``which`` deform from now on, shape (num_rigid_grains,). Local."""
+        self.rigid.release(which)
         self.largest = self.largest[~which]
+        grains = np.arange(self.solid.mesh.num_grains)
+        self.solid.set_deforming(grains[~np.isin(grains, self.rigid.grains)])
+
+    def release_all_but(self, still_rigid):
+        """Let those deform that are not among ``still_rigid``, global indices. Local."""
+        which = ~np.isin(self.solid.mesh.grains[self.rigid.grains], still_rigid)
+        if which.any():
+            self.release(which)
 
 
 def largest_push(material, radius):

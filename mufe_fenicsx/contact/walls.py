@@ -200,6 +200,10 @@ class Walls(Stateful):
             turn_rows(self.pairs.stick_point, self.pairs.wall, i, turn)
         return moved.max()
 
+    def speed_square(self):
+        """The speeds of all walls and their growth, squared and added up [m²/s²]. Local."""
+        return (self.velocity**2).sum() + (self.curved.growth_rate**2).sum()
+
     def gaps(self, x, wall):
         """Gaps of places to walls [m], shape (num,), and the walls' normals there, (num, 3). Local.
 

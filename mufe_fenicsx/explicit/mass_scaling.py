@@ -53,7 +53,6 @@ class MassScaling(Stateful):
 
     Args:
         solid: :class:`~mufe_fenicsx.bulk.solid.Solid`, its masses those of the material.
-        rho: Densities of this rank's grains [kg/m³], shape (num_grains,).
         settings: :class:`~mufe_fenicsx.scene.MassScaling`.
     """
 
@@ -64,12 +63,12 @@ class MassScaling(Stateful):
     }
     SHARED = ("added_to_node",)
 
-    def __init__(self, solid, rho, settings):
+    def __init__(self, solid, settings):
         self.solid, self.mesh, self.settings = solid, solid.mesh, settings
         self.comm = solid.mesh.comm
         mesh = self.mesh
         self.first_mass = solid.mass.copy()  #: of the nodes, without additions [kg]
-        self._rho = rho
+        self._rho = rho = np.array([material.rho for material in solid.materials])
         self._grain_mass = rho * self._of_grains(solid.volume0)
         self._total = self.comm.allreduce(float(self._grain_mass.sum()))
         self._some, self._added = np.empty(0, dtype=int), np.empty(0)  # elements with added mass

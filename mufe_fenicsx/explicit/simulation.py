@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from ..arguments import checked, finite_number
 from ..bulk.release import LoadWatch
 from ..contact.pairs.motion_bounds import linear_field
-from ..contact.stiffness.springs import all_springs
 from ..contact.walls import Wall
 from ..errors import InputError
 from ..materials.elastic import IsotropicSolid
@@ -20,13 +19,11 @@ from ..solvers.central_difference import central_difference
 from ..specimen import OfSpecimen, Specimen
 from .contact_in_steps import ContactInSteps
 from .growth import carry_over, grown_mesh, options_of
-from .mass_scaling import FALLEN, MassScaling
+from .mass_scaling import MassScaling
 from .motion import Motion
 from .stable_step import StableStep
-from .step_schedule import StepSchedule
+from .step_limit import StepLimit
 
-#: Largest damping times step. At 2 a step would leave no velocity to damp.
-MOST_DAMPED = 1.0
 #: Largest time step over the limit of stability: beyond, energy comes from nowhere.
 LARGEST = 1.0
 #: The limit is found early where single elements ask for this part of their step then.
@@ -88,14 +85,12 @@ class Simulation(OfSpecimen):
         super().__init__(specimen)
         if specimen.any_rigid and not assembled:
             raise InputError('time step = by element, expected "assembled" for rigid grains')
-        self.time_step_factor, self.refresh = time_step_factor, StepSchedule(refresh)
-        self.scaling = None
-        if mass_scaling is not None:
-            rho = np.array([m.rho for m in specimen.solid.materials])
-            self.scaling = MassScaling(specimen.solid, rho, mass_scaling)
-        self.watch = LoadWatch(specimen.rigid, specimen.solid.materials)
+        self.time_step_factor = time_step_factor
+        self.watch = LoadWatch(specimen.rigid, specimen.solid)
         self.motion = Motion(specimen)
+        self.scaling = None if mass_scaling is None else MassScaling(specimen.solid, mass_scaling)
         self.stable = StableStep(specimen, assembled, time_step_factor)
+        self.limit = StepLimit(specimen, self.motion, self.stable, refresh, self.scaling)
         self.dt = math.nan
         self.dt_element = math.nan
         self.contact_term = ContactInSteps(specimen, self.motion)
@@ -107,9 +102,7 @@ class Simulation(OfSpecimen):
         return scaling | self.specimen.parts | {
             "simulation": self,
             "motion": self.motion,
-            "schedule": self.refresh,
-            "stable": self.stable,
-            "shared": self.stable.shared,
+            **self.limit.parts,
             "contact_term": self.contact_term,
         }  # fmt: skip
 
@@ -117,8 +110,7 @@ class Simulation(OfSpecimen):
         """Become what :meth:`state_dict` told; added mass is there already."""
         super().load_state_dict(kept)
         if self.scaling is not None:
-            self.specimen.take_masses()
-            self.stable.set_mass(self.solid.mass)
+            self.limit.restore_masses()
 
     # --- stepping -------------------------------------------------------------------------
 
@@ -132,15 +124,11 @@ class Simulation(OfSpecimen):
         if self.watch.num_waiting:
             self._release_loaded()
         # Early where contacts may close that the last evaluation did not count.
-        refresh, now = self.refresh, self.state.num_steps
-        moved = self.contact.motion.bound - refresh.bound > refresh.margin
-        moved |= self.contact.motion.overrun_of_all > 0.0 and refresh.margin < math.inf
-        waited = refresh.waited(now)
-        if moved or refresh.due(now):
-            self.update_time_step(early=2 * waited < refresh.steps, of_elements=self.check())
-        elif waited and not waited % refresh.steps:
+        if self.limit.is_due():
+            self.update_time_step(early=self.limit.is_early(), of_elements=self.check())
+        elif self.limit.is_half_way():
             of_elements = self.check()
-            if self.stable.of_elements(of_elements) < SHORTER * self.dt_element:
+            if self.limit.of_elements(of_elements) < SHORTER * self.dt_element:
                 self.update_time_step(of_elements=of_elements)
         if (self.dt, self.damping) != (self.state.dt, self.motion.damping):
             self.specimen.initial_kinetic += self.motion.begin_steps(self.dt, self.damping)
@@ -179,39 +167,28 @@ class Simulation(OfSpecimen):
         Contact, places and velocities stay as they are, and so does the time
         step: contact layer, lumped masses and limit are those of the deformable grain already.
         """
-        specimen, rigid = self.specimen, self.specimen.rigid
+        specimen, lists, near = self.specimen, self.rigid.lists, self.rigid.followed
         which = self.watch.loaded(specimen.f)
         if not which.any():
             return
         s, before = self.state, self.kinetic_energy()
-        s.a[rigid.lists.nodes[np.repeat(which, np.diff(rigid.lists.offset))]] = 0.0
-        near = rigid.followed  # other nodes carry no force
-        nodes = near.nodes[np.repeat(which, np.diff(near.offset))]
+        s.a[lists.nodes[np.repeat(which, np.diff(lists.offset))]] = 0.0
+        nodes = near.nodes[np.repeat(which, np.diff(near.offset))]  # others carry no force
         s.a[nodes] = specimen.f[nodes] / specimen.solid.mass[nodes, None]
-        self._let_deform(which)
+        self.watch.release(which)
         specimen.initial_kinetic += self.kinetic_energy() - before
         self.contact.follow_all(s.x)
 
     def deform_all_but(self, still_rigid):
         """Let rigid grains deform but for ``still_rigid``, global indices. Local."""
-        rigid = self.specimen.rigid
-        which = ~np.isin(self.mesh.grains[rigid.grains], still_rigid)
-        if which.any():
-            self._let_deform(which)
-
-    def _let_deform(self, which):
-        specimen, rigid = self.specimen, self.specimen.rigid
-        rigid.release(which)
-        self.watch.release(which)
-        grains = np.arange(self.mesh.num_grains)
-        specimen.solid.set_deforming(grains[~np.isin(grains, rigid.grains)])
+        self.watch.release_all_but(still_rigid)
 
     def take_over(self):
         """Go on from a state that another integrator left. Collective."""
         s = self.state
         s.a[:] = self.specimen.f / self.solid.mass[:, None]
         s.dt, self.dt = 0.0, math.nan
-        self.refresh.bound = self.contact.motion.bound
+        self.limit.schedule.bound = self.contact.motion.bound
         self.update_time_step()
 
     def check(self, diverged=False):
@@ -273,80 +250,15 @@ class Simulation(OfSpecimen):
         An ``early`` call, soon after the last one for contacts that may close, only shortens it.
         ``of_elements`` is what :meth:`check` found at this state, None where it was not called.
         """
-        s = self.state
         self.complete()
-        self.motion.set_field(linear_field(self.comm, s.x, s.v))
-        self.dt_element = self.stable.of_elements(of_elements)
-        # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
-        of_walls = (self.walls.velocity**2).sum() + (self.walls.curved.growth_rate**2).sum()
-        speed = np.sqrt(max(np.einsum("ni,ni->n", s.v, s.v).max(), of_walls))
-        ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
-        least = max(ahead, 1e-3 * self.contact.edge)
-        self.refresh.begin(self.contact.motion.bound, s.num_steps, early)
-        limit = self._limit_ahead(least)
-        if self.refresh.too_far(limit):
-            limit = self._limit_ahead(least)
-        self.refresh.end(limit, self.stable.slack)
-        self.contact.motion.mark()
-        if self.scaling is not None and not early and limit < FALLEN * self.scaling.reached:
-            if self._add_mass():
-                limit = self.stable(self.refresh.margin, self.dt_element)
-            self.scaling.reached = limit
-        elif self.scaling is not None and not self.scaling.reached:
-            self.scaling.reached = limit
-        if self.damping > 0.0:
-            limit = min(limit, MOST_DAMPED / self.damping)
+        self.motion.set_field(linear_field(self.comm, self.state.x, self.state.v))
+        self.dt_element = self.limit.of_elements(of_elements)
+        limit = self.limit.find(self.dt_element, early)
         dt = _rounded_down(self.time_step_factor * limit)
         # A change costs accuracy of the energies: small ones are not worth it.
         if not 0.99 * self.dt <= dt <= (math.inf if early else 1.05 * self.dt):
             self.dt = dt
             self.contact.set_time_step(dt)
-
-    def _limit_ahead(self, least):
-        """Limit until the next evaluation [s], in which grains move by ``least`` [m] at least."""
-        # Pairs that can close before the next evaluation count as closed.
-        margin, factor = self.refresh.look_ahead(least, self.contact.motion.known_ahead)
-        self.contact.motion.expect(margin, least, factor)
-        if self.scaling is not None and not self.scaling.reached:
-            # What is within an edge now, the walls above all, is held some time.
-            self.scale_masses(max(margin, self.contact.edge))
-        return self.stable(margin, self.dt_element)
-
-    def _add_mass(self):
-        """Adjust the added mass to the present geometry; whether there is more. Collective."""
-        before = self.kinetic_energy()
-        changed = self.scale_masses(self.refresh.margin)
-        self.specimen.damped += before - self.kinetic_energy()
-        return changed
-
-    def scale_masses(self, margin):
-        """Add mass for elements and contacts nearer than ``margin`` [m]; whether any was added.
-
-        Of a simulation with mass scaling. Collective.
-        """
-        listed = all_springs(self.specimen, margin)
-        bounds = listed.bounds(self.mesh.num_nodes)
-        listed.destroy()
-        springs = np.arange(bounds.size), bounds
-        changed = self.scaling.adjust(self.state.x, springs)
-        self.take_masses()
-        return changed
-
-    def take_masses(self):
-        """Follow a change of the nodal masses; velocities and forces stay. Local."""
-        s, mass = self.state, self.solid.mass
-        self.specimen.take_masses()
-        s.a[:] = self.specimen.f / mass[:, None]
-        self.stable.set_mass(mass)
-
-    def stable_step_within(self, margin):
-        """Limit of stability [s] if all pairs within ``margin`` [m] were closed. Collective."""
-        return self.stable.afresh(margin, self.dt_element)
-
-    def limits_with_and_without_added_mass(self):
-        """Stable steps of the present state [s], each estimated from scratch. Collective."""
-        masses = self.solid.mass, self.scaling.first_mass
-        return [self.stable.afresh(self.refresh.margin, self.dt_element, mass) for mass in masses]
 
 
 def _rounded_down(value):

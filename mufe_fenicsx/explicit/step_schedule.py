@@ -1,5 +1,7 @@
 """When the limit of explicit time steps is found again, and what may move until then."""
 
+import math
+
 from ..state import Stateful
 
 #: How much faster than so far grains may move before the limit is found early.
@@ -36,6 +38,15 @@ class StepSchedule(Stateful):
     def due(self, num_steps):
         """Whether the next one is due."""
         return self.waited(num_steps) >= self.wait * self.steps
+
+    def is_passed(self, motion):
+        """Whether grains moved more than the last one allows for.
+
+        Args:
+            motion: :class:`~mufe_fenicsx.contact.pairs.relative_motion.RelativeMotion`.
+        """
+        beyond = motion.bound - self.bound > self.margin
+        return beyond or (motion.overrun_of_all > 0.0 and self.margin < math.inf)
 
     def begin(self, bound, num_steps, early):
         """Begin one at this bound of contact's motion [m], ``early`` soon after the last one."""

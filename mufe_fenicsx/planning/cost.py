@@ -136,8 +136,8 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     dt, of_tets = s.dt, factor * s.stable.of_tets()
     margin = LOADED * s.contact.edge
     if s.scaling is not None:  # a test adds mass where contacts close that shorten its step
-        s.scale_masses(margin)
-    loaded = factor * s.stable_step_within(margin)
+        s.limit.scale_masses(margin)
+    loaded = factor * s.limit.within(margin, s.dt_element)
     return Benchmark(
         num_ranks=comm.size,
         num_grains=mesh.num_sample_grains,
@@ -147,7 +147,7 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
         setup_s=setup,
         # Other programs make blocks longer only.
         step_s=quantiles(blocks[1:], n=4, method="inclusive")[0] / BLOCK
-        + estimate / s.refresh.steps,
+        + estimate / s.limit.schedule.steps,
         due=due,
         closing=tuple(closing),
         row_s=row,

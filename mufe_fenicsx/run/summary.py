@@ -74,7 +74,7 @@ def of_end(simulation):
     comm, contact, scaling = simulation.comm, simulation.contact, simulation.scaling
     found = {"peak_memory_bytes": peak_memory(comm)}
     if scaling is not None:
-        limits = simulation.limits_with_and_without_added_mass()
+        limits = simulation.limit.with_and_without_added_mass(simulation.dt_element)
         found["mass_scaling"] = scaling.summary(limits)
     closed = ("num_closed", "num_with_offset", "num_at_largest_force")
     found["contact"] = {

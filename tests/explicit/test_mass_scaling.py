@@ -92,7 +92,7 @@ def test_the_reported_gain_is_the_stable_limit():
         )  # fmt: skip
         sim.time_step_factor = factor  # 1.1 cannot be given
         sim.update_time_step()
-        found = sim.scaling.summary(sim.limits_with_and_without_added_mass())
+        found = sim.scaling.summary(sim.limit.with_and_without_added_mass(sim.dt_element))
         # Lanczos stops at 2 % of the eigenvalue, 1 % of the step.
         assert sim.dt == pytest.approx(factor * found["stable_step"], rel=0.015)
         assert found["gain"] > 1.1  # 0.03 beyond what Lanczos may be off by, twice
@@ -150,7 +150,7 @@ def test_mass_that_is_added_while_grains_move_is_in_the_ledger():
     s.state.v[:] = [1.0, 0.0, 0.0]
     s.specimen.initial_kinetic = s.kinetic_energy()
     s.scaling.settings = MassScaling(0.05)
-    assert s._add_mass()
+    assert s.limit.add_mass()
     energies = s.energies()
     assert energies["damping"] == pytest.approx(-0.049 * s.initial_kinetic, rel=0.01)
     # Round-off of the sums.

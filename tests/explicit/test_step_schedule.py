@@ -59,7 +59,8 @@ def test_elements_that_shrink_ask_for_the_limit_in_a_long_wait(strain, found):
     """A ball that shrinks in one refresh by more than what `SHORTER` allows, or by less."""
     mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.5)
     sim = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), refresh=2)
-    sim.refresh.wait, sim.refresh.margin = LONGEST_WAIT, np.inf  # no contact asks for it
+    schedule = sim.limit.schedule
+    schedule.wait, schedule.margin = LONGEST_WAIT, np.inf  # no contact asks for it
     grain = mesh.grains[mesh.grain_of_node]
     if mesh.rank_of_grain[0] == mesh.comm.rank:
         rows = grain == 0
@@ -67,7 +68,7 @@ def test_elements_that_shrink_ask_for_the_limit_in_a_long_wait(strain, found):
         sim.state.v[rows] = -strain / (2 * sim.dt) * (mesh.x[rows] - centre)
     for _ in range(3):  # before the rim swings back
         sim.step()
-    assert sim.refresh.at == (2 if found else 0)
+    assert sim.limit.schedule.at == (2 if found else 0)
 
 
 def test_what_may_close_before_the_next_evaluation_is_known():
@@ -79,14 +80,14 @@ def test_what_may_close_before_the_next_evaluation_is_known():
     contact, looked, found = sim.contact, 0, sim.contact.num_searches
     for _ in range(300):
         known = contact.motion.searched_at + contact.motion.reach
-        at, now = sim.refresh.at, sim.state.num_steps
+        at, now = sim.limit.schedule.at, sim.state.num_steps
         sim.step()
-        if sim.refresh.at > at:
-            assert sim.refresh.at == now
+        if sim.limit.schedule.at > at:
+            assert sim.limit.schedule.at == now
             # But for what moves in the next two steps, which are at most three times as long as
             # those of single elements; waves in a ball add to its speed.
-            ahead = max(known - sim.refresh.bound, 6.0 * sim.dt_element * 1.2 * 20.0)
-            assert sim.refresh.margin <= ahead + 1e-9 * contact.edge
+            ahead = max(known - sim.limit.schedule.bound, 6.0 * sim.dt_element * 1.2 * 20.0)
+            assert sim.limit.schedule.margin <= ahead + 1e-9 * contact.edge
             looked += 1
     # Longer than a search lasts, or nothing was tested.
     assert looked > 5 and contact.num_searches > found + 2

@@ -19,6 +19,7 @@ moment is that of the forces on the nodes at their ends.
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 
 from .dissipation import sum_by_pair
 from .edge_contacts import closed_crossings
@@ -160,6 +161,18 @@ def num_active_pairs(contact, num_grains=None):
     parts = contact.comm.gather(found)
     number = np.unique(np.concatenate(parts), axis=0).shape[0] if contact.comm.rank == 0 else None
     return contact.comm.bcast(number)
+
+
+def num_active_grains(contact, num_grains):
+    """Number of grains with a closed contact, of the first ``num_grains`` bodies. Collective."""
+    active = np.zeros(contact.dissipation.num_grains, dtype=bool)
+    p, w, grain_of_point = contact.pairs, contact.walls.pairs, contact.points.grain_of_point
+    active[grain_of_point[p.node[p.closed]]] = True
+    active[p.grain[p.closed]] = True
+    active[grain_of_point[w.node[w.closed]]] = True
+    active[contact.edges.closed_grains()] = True
+    contact.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
+    return int(active[:num_grains].sum())
 
 
 #: Columns of the sums over points.

@@ -55,7 +55,7 @@ def sliding_block(comm, friction, divisions=(2, 2, 2), strain=1e-4, height=1.0):
         s.step()
     for _ in range(3000):
         s.step()
-    s.damping, s.refresh.steps = 0.0, NEVER
+    s.damping, s.limit.schedule.steps = 0.0, NEVER
     return s
 
 

@@ -43,7 +43,7 @@ class _Shot:
         s.state.v[:] = 0.25 * speed * self.axis
         s.state.v[apex] = -0.75 * speed * self.axis
         self.last = s
-        s.refresh.margin = math.inf  # the step stays as it is set, and nothing else stops it
+        s.limit.schedule.margin = math.inf  # the step stays as it is set, and nothing else stops it
         height = math.sqrt(2 / 3) * SIZE
         s.dt = height / speed / steps_per_edge
         for k in range(3 * steps_per_edge):

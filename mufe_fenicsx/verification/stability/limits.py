@@ -65,7 +65,7 @@ def kinetic(s):
 
 def set_step(s, dt):
     """Steps of length ``dt`` [s] from now on, whatever the limit."""
-    s.dt, s.refresh.margin = dt, math.inf  # no motion asks for another one
+    s.dt, s.limit.schedule.margin = dt, math.inf  # no motion asks for another one
     s.contact.set_time_step(dt)
 
 
@@ -190,7 +190,7 @@ def pressed_block(comm, element="p1", divisions=2, strain=1e-3, friction=1.0, **
     )  # fmt: skip
     drive(s, {"z_max": (0, 0, -strain * SIZE)}, 4 * SIZE / material.wave_speed)
     settle(s, 1e-18)
-    s.damping, s.refresh.steps = 0.0, NEVER
+    s.damping, s.limit.schedule.steps = 0.0, NEVER
     s.state.v[:] = 0.0
     return s
 

@@ -56,7 +56,7 @@ def flattened_block(comm, strain=0.5, divisions=3):
     s.damping = 5.0 * material.wave_speed / SIZE
     for _ in range(1500):
         s.step()
-    s.damping, s.refresh.steps = 0.0, NEVER
+    s.damping, s.limit.schedule.steps = 0.0, NEVER
     s.state.v[:] = 0.0
     return s
 
@@ -76,7 +76,7 @@ def pressed_cylinder(comm, strain=1e-3, friction=1.0):
     )  # fmt: skip
     drive(s, {"top": (0.0, 0.0, -strain * SIZE)}, 4 * SIZE / material.wave_speed)
     settle(s, 1e-18)
-    s.damping, s.refresh.steps = 0.0, NEVER
+    s.damping, s.limit.schedule.steps = 0.0, NEVER
     s.state.v[:] = 0.0
     return s
 

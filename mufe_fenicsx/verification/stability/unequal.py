@@ -135,12 +135,12 @@ def step_limits(row):
         but what is closed; ``step``, the program's, which counts what is near as closed.
     """
     s = row.simulation
-    s.damping, s.refresh.steps = 0.0, NEVER
+    s.damping, s.limit.schedule.steps = 0.0, NEVER
     s.state.v[:] = 0.0
     alone, exact = (2.0 / highest_frequency(s, springs=springs) for springs in (False, True))
     start = Snapshot(s)
     measured = exact * bisect(lambda f: growth(s, start, f * exact)[1], 0.5, 1.5, 8)
-    closed = s.stable_step_within(0.0)
+    closed = s.limit.within(0.0, s.dt_element)
     found = {"alone": alone, "exact": exact, "measured": measured, "closed": closed,
              "step": row.step}  # fmt: skip
     return SimpleNamespace(**{name: value * row.ratio for name, value in found.items()})
