@@ -330,6 +330,10 @@ class Specimen(Stateful):
             rigid.force[:], rigid.torque[:] = kept
         return self.comm.allreduce(total)
 
+    def work(self):
+        """Work of walls and tools on this rank's grains so far [J]. Local."""
+        return float(self.walls.work + self.tools.work)
+
     def energies(self, kinetic):
         """Terms of the energy balance [J], and the number of closed contacts. Collective.
 
@@ -355,7 +359,7 @@ class Specimen(Stateful):
         for term, first in zip(self.added_terms, self.first_energies, strict=True):
             if not np.isnan(first):
                 local[f"energy_{term.name}"] = self.ask(term, "energy", self.state) - first
-        local["work"] = self.walls.work + self.tools.work
+        local["work"] = self.work()
         local_sums = np.array([*local.values(), self.initial_kinetic, dents, num_contacts])
         *values, initial, dents, number = self.comm.allreduce(local_sums)
         work = values[-1]

@@ -21,7 +21,6 @@ LINES = 60
 REACHES = 40
 MORE_REACHES = {
     "contact/contact.py:Contact": 67,
-    "implicit/simulation.py:ImplicitSimulation": 50,
     "loading/stages.py:StagedLoading": 64,
 }
 

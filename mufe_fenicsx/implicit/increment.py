@@ -7,10 +7,13 @@ from mpi4py import MPI
 
 from ..bulk.elastic_tangent import NearTangent
 from ..bulk.tangent import SolidTangent
+from ..contact.mark import ContactMark
 from ..contact.stiffness.tangent import ContactTangent
 from ..errors import InputError
 from ..solvers.jacobian_products import Products
-from .linear_system import LinearSystem
+from ..solvers.newton import Newton
+from .increment_start import IncrementStart
+from .linear_system import LinearSystem, solver_by_size
 from .preconditioner import ElasticPreconditioner
 from .prescribed_nodes import HeldNodes
 
@@ -43,16 +46,25 @@ def check_increments(specimen, method):
             )
 
 
+def check_terms(specimen):
+    """Raise InputError for an added term that has springs alone. Collective."""
+    s = specimen.state
+    for term in specimen.added_terms:
+        springs = specimen.ask(term, "springs", s, 0.0)
+        if springs is not None and term.stiffness(s) is None:
+            raise InputError(
+                f"force term {term.name} has springs alone, expected a stiffness where "
+                "increments are static or implicit: time steps know springs"
+            )
+
+
 class IncrementEquations:
     """Residual and tangent of an increment, for :mod:`~mufe_fenicsx.solvers.newton`. Collective.
 
     Args:
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`, the term of contact first.
-        method: :class:`~mufe_fenicsx.solvers.generalised_alpha.GeneralisedAlpha`; None: static.
-        drag_time: Of static increments: stabilisation times the length of the first [s].
+        settings: :class:`~.increment_settings.IncrementSettings`.
         held: Pairs (nodes, unit vector) of what is prescribed.
-        solver: One of linear_system.SOLVERS.
-        petsc: Further options of PETSc, without the prefix ``mufe_``.
 
     Attributes:
         system: :class:`~.linear_system.LinearSystem` that the tangent goes to.
@@ -67,14 +79,15 @@ class IncrementEquations:
         too_far: Largest motion that it was not good for [m].
     """
 
-    def __init__(self, specimen, method, drag_time, held, solver, petsc):
-        s = self._specimen = specimen
-        self.comm, self.method, mesh = s.comm, method, s.mesh
+    def __init__(self, specimen, settings, held):
+        s, self._settings = specimen, settings
+        self._specimen, self.comm, self.method, mesh = s, s.comm, settings.method, s.mesh
         self._contact_tangent = ContactTangent(s.contact, mesh)
         led = s.rigid.lists.nodes  # of tools, the only rigid bodies here
         fixed = np.concatenate([s.glued.nodes, led])
         self.held = HeldNodes(mesh, held, fixed, self._contact_tangent)
         part = 1.0 - self.method.force_of_start if self.method else 1.0
+        solver, petsc = settings.linear_solver or solver_by_size(mesh), settings.petsc
         if solver == "products":
             self._tangent, near = None, NearTangent(s.solid)
             self.system = ElasticPreconditioner(mesh, near, self.held, "mufe_", petsc, part)
@@ -87,14 +100,76 @@ class IncrementEquations:
             self._tangent = own = SolidTangent(s.solid)
             self.system = LinearSystem(mesh, own.offset, own.columns, "mufe_", solver, petsc)
         self._stiffness = self._share_of_stiffness()
-        self.drag = drag_time * self._share_of_hold()
+        self.drag = settings.drag_time * self._share_of_hold()
         self.drag[led] = 0.0
         self.start = self.mark = self._dt = None
         self.wall_move = self.reach = self.too_far = 0.0
 
-    def begin(self, start, dt):
-        """Be those of an increment of length ``dt`` from ``start`` on. Local."""
-        self.start, self._dt = start, dt
+    def newton(self):
+        """Newton's method for the displacements of an increment. Collective."""
+        settings, sp = self._settings, self._specimen
+        modulus = float(sp.solid.contact_modulus.max(initial=0.0))
+        modulus = self.comm.allreduce(modulus, op=MPI.MAX)
+        return Newton(
+            self.system, self.residual, self.set_tangent, "mufe_", settings.tolerance,
+            settings.no_force * modulus * sp.contact.edge**2 / settings.tolerance,
+            settings.max_iterations, self.products,
+        )  # fmt: skip
+
+    def begin(self, dt):
+        """Be those of an increment of length ``dt`` [s] from here on; walls move. Local."""
+        s = self._specimen
+        self.start, self._dt = IncrementStart(s), dt
+        self.wall_move = s.walls.move(dt)
+        # Anchors on walls that turned have gone along.
+        self.mark = ContactMark(s.contact)
+        s.walls.add_work()
+        self.reach = s.contact.motion.searched_at + s.contact.motion.skin
+
+    def expect(self, way):
+        """Search pairs anew where nodes may move out of reach by ``way`` [m]. Collective."""
+        way = self.comm.allreduce(max(self.wall_move, way), op=MPI.MAX)
+        if self._specimen.contact.motion.bound + 3.0 * way > self.reach:
+            self.search(4.0 * way)
+
+    def search(self, ahead):
+        """Pairs anew at the start of the increment, for motions of ``ahead`` [m]. Collective."""
+        self.mark.restore()
+        contact = self._specimen.contact
+        contact.search(self.start.state["x"], ahead=ahead)
+        self.reach = contact.motion.searched_at + max(contact.motion.skin, ahead)
+        self.mark = ContactMark(contact)
+        self.system.forget()
+
+    def rewind(self):
+        """Back to the start of the increment. Local."""
+        self.mark.restore()
+        self._specimen.walls.turn_back()
+        self.start.restore()
+
+    def take(self, du, unbalanced):
+        """Take the state that was found, displaced by ``du`` [m]. Local.
+
+        Args:
+            unbalanced: Whether forces of the start had no equilibrium.
+        """
+        sp, start, method, dt = self._specimen, self.start.state, self.method, self._dt
+        s = sp.state
+        if method:
+            s.a[:] = method.acceleration(du, start["v"], start["a"], dt)
+            s.v[:] = method.velocity(s.a, start["v"], start["a"], dt)
+            middle = 0.5 * (s.v + start["v"])
+            sp.damped += sp.damping * dt * float((sp.free_mass[:, None] * middle**2).sum())
+        else:
+            s.a[:], s.v[:] = 0.0, 0.0
+            sp.damped += float(((self.drag / dt)[:, None] * du**2).sum())
+            if unbalanced:
+                # Weight that comes at once, or what time steps left: half of its work is lost.
+                sp.damped += 0.5 * float(np.vdot(self.start.force, du))
+        sp.contact.motion.measure_from(sp.contact.ghosts.positions.own)
+        s.t += dt
+        s.dt = dt
+        s.num_steps += 1
 
     def residual(self, du):
         """Minus the sum of all forces after the displacement ``du``, and the internal ones' size.

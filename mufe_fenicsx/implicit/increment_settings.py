@@ -1,10 +1,16 @@
-"""Lengths, tolerances and solvers of increments."""
+"""Lengths, tolerances and solvers of increments, and how long the next one is."""
 
 from dataclasses import dataclass, fields
 
 from ..arguments import check_fields, finite_number
 from ..errors import InputError
 from ..solvers.generalised_alpha import GeneralisedAlpha
+
+#: Iterations over the most allowed, up to which the next increment is much and a little longer, and
+#: from which on it is shorter.
+FEW, SOME, MANY = 0.25, 0.5, 0.75
+#: Factors of the length of an increment then, and where it failed.
+LONGER, LITTLE_LONGER, SHORTER, FAILED = 1.5, 1.2, 0.7, 0.4
 
 
 @dataclass(frozen=True)
@@ -54,6 +60,24 @@ class IncrementSettings:
     def largest(self):
         """Largest length of an increment [s]."""
         return 4.0 * self.first_step if self.largest_step is None else self.largest_step
+
+    def next_length(self, wanted, dt, effort):
+        """Length of the increment after one that was found [s].
+
+        Args:
+            wanted: Length that was wanted [s].
+            dt: Its length [s], which may have been cut.
+            effort: Iterations of Newton's method over the most allowed.
+        """
+        if effort <= SOME:
+            factor = LONGER if effort <= FEW else LITTLE_LONGER
+            # One that was cut tells nothing about longer ones.
+            return max(wanted, min(factor * dt, self.largest))
+        return max(SHORTER * dt, self.smallest) if effort >= MANY else wanted
+
+    def shortened(self, dt):
+        """Length of the next attempt after one of ``dt`` [s] that failed [s]."""
+        return max(FAILED * dt, self.smallest)
 
     @property
     def drag_time(self):

@@ -1,5 +1,7 @@
 """Nodes whose displacement is prescribed along some directions, in vectors and matrices."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..kernels.build.blocks import project_blocks, project_pairs
@@ -85,3 +87,27 @@ class HeldNodes:
             held = np.abs(projector - np.eye(3)).max(axis=(1, 2)) > 0
             self._of_surface = projector, held
         return self._of_surface
+
+
+def lead_nodes(specimen, prescribed, dt):
+    """Let constraints tell where their nodes go in ``dt`` [s]; how far at most [m]. Local.
+
+    Nodes have to go there with those of the grains: contact pairs see both move.
+
+    Args:
+        specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
+        prescribed: Displacements of nodes [m], shape (num_nodes, 3), set for those of constraints.
+    """
+    s, constraints, farthest = specimen.state, specimen.constraints, 0.0
+    if not constraints:
+        return 0.0
+    there = replace(s, x=s.x.copy(), u=s.u.copy(), v=s.v.copy())
+    moves, field = np.zeros(specimen.mesh.num_grains), np.zeros((4, 3))
+    for constraint in constraints:
+        constraint.lead(s.t, dt)
+    for constraint in constraints:
+        farthest = max(farthest, constraint.drift(there, dt, 0.0, moves, field))
+        constraint.complete(there)
+    for nodes in (specimen.glued.nodes, specimen.rigid.lists.nodes):
+        prescribed[nodes] = (there.x - s.x)[nodes]
+    return farthest

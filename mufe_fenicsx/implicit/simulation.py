@@ -20,33 +20,24 @@ Its work counts as damping.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from ..arguments import checked
-from ..contact.mark import ContactMark
 from ..contact.walls import Wall
 from ..errors import InputError, SolverError
 from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh
-from ..solvers.newton import Newton
 from ..specimen import OfSpecimen, Specimen
 from .contact_in_increments import ContactInIncrements
 from .force_controlled_walls import ForceControlledWalls
-from .increment import IncrementEquations, check_increments
+from .increment import IncrementEquations, check_increments, check_terms
 from .increment_end import IncrementEnd
 from .increment_settings import IncrementSettings
-from .increment_start import IncrementStart
-from .linear_system import solver_by_size
+from .prescribed_nodes import lead_nodes
 
-#: Iterations over the most allowed, up to which the next increment is much and a little longer, and
-#: from which on it is shorter.
-FEW, SOME, MANY = 0.25, 0.5, 0.75
-#: Factors of the length of an increment then, and where it failed.
-LONGER, LITTLE_LONGER, SHORTER, FAILED = 1.5, 1.2, 0.7, 0.4
 #: Searches within one increment.
 MAX_SEARCHES = 6
 
@@ -111,11 +102,8 @@ class ImplicitSimulation(OfSpecimen):
         own = specimen.solid.element_time_step(self.state.x)
         self.dt_element = self.comm.allreduce(own, op=MPI.MIN)
         specimen.initial_kinetic = self.kinetic_energy()
-        self.equations = IncrementEquations(
-            specimen, self.method, self.settings.drag_time, self.held,
-            self.settings.linear_solver or solver_by_size(mesh), self.settings.petsc,
-        )  # fmt: skip
-        self._newton = self._make_newton()
+        self.equations = IncrementEquations(specimen, self.settings, self.held)
+        self._newton = self.equations.newton()
         self._held_walls = None
         if self.walls.has_servo:
             self._held_walls = ForceControlledWalls(specimen, self.settings.first_step)
@@ -126,18 +114,6 @@ class ImplicitSimulation(OfSpecimen):
         self.report = []
         self.num_failed = 0  #: increments that had to be shortened
         self.num_on_jumps = 0
-
-    def _make_newton(self):
-        """Newton's method for the displacements of an increment. Collective."""
-        equations, settings = self.equations, self.settings
-        modulus = self.solid.contact_modulus
-        floor = self.comm.allreduce(float(modulus.max(initial=0.0)), op=MPI.MAX)
-        return Newton(
-            equations.system, equations.residual, equations.set_tangent, "mufe_",
-            settings.tolerance,
-            settings.no_force * floor * self.contact.edge**2 / settings.tolerance,
-            settings.max_iterations, equations.products,
-        )  # fmt: skip
 
     @property
     def static(self):
@@ -190,7 +166,7 @@ class ImplicitSimulation(OfSpecimen):
         found = self._newton.solve_linear(
             np.zeros_like(load), self.equations.held.project(load.copy())
         )
-        self._rewind()
+        self.equations.rewind()
         return found
 
     def take_over(self):
@@ -216,7 +192,7 @@ class ImplicitSimulation(OfSpecimen):
                 that did. On all ranks.
             UnstableError, SolverError: As of :meth:`check`.
         """
-        self._check_terms()
+        check_terms(self.specimen)
         tries, smallest, before = 0, self.settings.smallest, self._work()
         while True:
             dt, mark = self.end.cut(self.dt), self._mark()
@@ -236,20 +212,14 @@ class ImplicitSimulation(OfSpecimen):
                     "steps, with more stabilisation or less friction, or go on with "
                     'solver.integrator = "explicit"'
                 )
-            self.dt = max(FAILED * dt, smallest)
-        effort = self._newton.effort
-        if effort <= SOME:
-            factor = LONGER if effort <= FEW else LITTLE_LONGER
-            # One that was cut tells nothing about longer ones.
-            self.dt = max(self.dt, min(factor * dt, self.settings.largest))
-        elif effort >= MANY:
-            self.dt = max(SHORTER * dt, smallest)
+            self.dt = self.settings.shortened(dt)
+        self.dt = self.settings.next_length(self.dt, dt, self._newton.effort)
         self.most_work = max(self.most_work, abs(self._work() - before))
         self.check()
 
     def _work(self):
         """Work of all walls and tools [J]. Collective."""
-        return self.comm.allreduce(float(self.walls.work + self.specimen.tools.work))
+        return self.comm.allreduce(self.specimen.work())
 
     def energy_of_touch(self):
         """Largest work of an increment so far [J]: it is a trapezium. Local.
@@ -278,21 +248,10 @@ class ImplicitSimulation(OfSpecimen):
 
     def _take_back(self, mark):
         """Undo an increment that converged."""
-        self._rewind()
+        self.equations.rewind()
         s = self.state
         (s.t, s.dt, s.num_steps), (self.specimen.damped, self.num_on_jumps), length = mark
         del self.report[length:]
-
-    def _check_terms(self):
-        """Raise InputError for an added term that has springs alone. Collective."""
-        s = self.state
-        for term in self.specimen.added_terms:
-            springs = self.specimen.ask(term, "springs", s, 0.0)
-            if springs is not None and term.stiffness(s) is None:
-                raise InputError(
-                    f"force term {term.name} has springs alone, expected a stiffness where "
-                    "increments are static or implicit: time steps know springs"
-                )
 
     def _increment(self, dt):
         """One increment of length ``dt``; whether it converged. The state stays where not."""
@@ -305,22 +264,18 @@ class ImplicitSimulation(OfSpecimen):
             found = self._newton(guess)
             if found is not None or not self.equations.too_far:
                 break
-            self._search(4.0 * self.equations.too_far)
+            self.equations.search(4.0 * self.equations.too_far)
         if found is None:
-            self._reason = (
-                f"{self._newton.num_iterations} iterations, residual "
-                f"{min(self._newton.history, default=math.nan):.1e} of the internal forces"
-            )
-            self._rewind()
+            self._reason = self._newton.reason()
+            self.equations.rewind()
             return False
-        self._finish(found, dt)
+        self.equations.take(found, self._unbalanced)
+        self._unbalanced = False
+        self._last = (found, dt, self._motion())
         self.num_on_jumps += self._newton.num_sides > 1
-        history = self._newton.history
-        self.report.append(
-            (s.t, dt, self._newton.num_iterations, self._newton.num_linear, history[-3:])
-        )
+        self.report.append((s.t, dt, *self._newton.counts()))
         walls.add_work()
-        tools = self.specimen.tools
+        tools = self.tools
         if tools.any:
             tools.act_on_rigid(self.rigid, s)
             tools.add_work(dt)
@@ -328,50 +283,11 @@ class ImplicitSimulation(OfSpecimen):
 
     def _begin(self, dt):
         """Keep the state, and move walls and what is prescribed."""
-        walls = self.walls
-        equations = self.equations
-        equations.begin(IncrementStart(self.specimen), dt)
-        equations.wall_move = walls.move(dt)
-        # Anchors on walls that turned have gone along.
-        equations.mark = ContactMark(self.contact)
-        walls.add_work()
-        equations.reach = self.contact.motion.searched_at + self.contact.motion.skin
-        expected = max(equations.wall_move, self._prescribe(dt))
+        self.equations.begin(dt)
+        expected = lead_nodes(self.specimen, self.prescribed, dt)
         if self._last is not None:
             expected = max(expected, float(np.abs(self._last[0]).max()) * dt / self._last[1])
-        expected = self.comm.allreduce(expected, op=MPI.MAX)
-        if self.contact.motion.bound + 3.0 * expected > equations.reach:
-            self._search(4.0 * expected)
-
-    def _prescribe(self, dt):
-        """Where nodes of constraints go in ``dt`` [s]; how far at most [m]. Local.
-
-        Nodes have to go there with those of the grains: contact pairs see both move.
-        """
-        specimen, s = self.specimen, self.state
-        constraints = specimen.constraints
-        if not constraints:
-            return 0.0
-        there, farthest = replace(s, x=s.x.copy(), u=s.u.copy(), v=s.v.copy()), 0.0
-        moves, field = np.zeros(self.mesh.num_grains), np.zeros((4, 3))
-        for constraint in constraints:
-            constraint.lead(s.t, dt)
-        for constraint in constraints:
-            farthest = max(farthest, constraint.drift(there, dt, 0.0, moves, field))
-            constraint.complete(there)
-        for nodes in (specimen.glued.nodes, specimen.rigid.lists.nodes):
-            self.prescribed[nodes] = (there.x - s.x)[nodes]
-        return farthest
-
-    def _search(self, ahead):
-        """Pairs anew at the start of the increment, for motions of ``ahead`` [m]."""
-        self.equations.mark.restore()
-        x0 = self.equations.start.state["x"]
-        self.contact.search(x0, ahead=ahead)
-        motion = self.contact.motion
-        self.equations.reach = motion.searched_at + max(motion.skin, ahead)
-        self.equations.mark = ContactMark(self.contact)
-        self.system.forget()
+        self.equations.expect(expected)
 
     def _guess(self, dt):
         """First guess of the displacement."""
@@ -401,31 +317,3 @@ class ImplicitSimulation(OfSpecimen):
         """The last motion of all walls, turns over an edge of facets, and of held nodes [m]."""
         walls = np.concatenate([self.walls.displacement, self.contact.edge * self.walls.turn])
         return walls.ravel(), self.prescribed.copy()
-
-    def _finish(self, du, dt):
-        """Take the state that was found."""
-        s, start, method = self.state, self.equations.start.state, self.method
-        if method:
-            s.a[:] = method.acceleration(du, start["v"], start["a"], dt)
-            s.v[:] = method.velocity(s.a, start["v"], start["a"], dt)
-            middle = 0.5 * (s.v + start["v"])
-            mass = self.specimen.free_mass[:, None]
-            self.specimen.damped += self.damping * dt * float((mass * middle**2).sum())
-        else:
-            s.a[:], s.v[:] = 0.0, 0.0
-            self.specimen.damped += float(((self.equations.drag / dt)[:, None] * du**2).sum())
-            if self._unbalanced:
-                # Weight that comes at once, or what time steps left: half of its work is lost.
-                self.specimen.damped += 0.5 * float(np.vdot(self.equations.start.force, du))
-                self._unbalanced = False
-        self._last = (du, dt, self._motion())
-        self.contact.motion.measure_from(self.contact.ghosts.positions.own)
-        s.t += dt
-        s.dt = dt
-        s.num_steps += 1
-
-    def _rewind(self):
-        """Back to the start of the increment."""
-        self.equations.mark.restore()
-        self.walls.turn_back()
-        self.equations.start.restore()

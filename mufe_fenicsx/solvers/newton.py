@@ -205,6 +205,15 @@ class Newton:
             return _REASONS.DIVERGED_MAX_IT
         return _REASONS.ITERATING
 
+    def counts(self):
+        """Of the last call: Newton iterations, linear ones, the last three residuals."""
+        return self.num_iterations, self.num_linear, self.history[-3:]
+
+    def reason(self):
+        """Words for where the last call ended without a solution."""
+        least = min(self.history, default=math.nan)
+        return f"{self.num_iterations} iterations, residual {least:.1e} of the internal forces"
+
     def stalled(self):
         """Whether the residuals of the last iterations are as good as it gets."""
         before, last = self.history[:-STALLED], self.history[-STALLED:]
