@@ -21,7 +21,6 @@ LINES = 60
 REACHES = 40
 MORE_REACHES = {
     "contact/contact.py:Contact": 67,
-    "loading/stages.py:StagedLoading": 64,
 }
 
 _OPTIONS = "each choice of a chart is an option of `mufe verify`"

@@ -26,6 +26,16 @@ class Paces:
             platens = container.top, container.bottom
             self.control = QuasiStaticSpeed(simulation, quasi_static, *platens)
 
+    def state_dict(self):
+        """What a test that goes on has to know, by part: of the speed that adapts, if it does."""
+        return {} if self.control is None else {"control": self.control.state_dict()}
+
+    def load_state_dict(self, kept, tasks):
+        """Go on from what :meth:`state_dict` gave in a stage with these tasks."""
+        if self.control is not None:
+            self.control.load_state_dict(kept["control"])
+            self.lead(tasks)
+
     def begin(self, tasks, loaded, held):
         """A stage begins; ``loaded``: the sample is seated; ``held``: speed that servos follow."""
         if self._is_controlled(loaded):

@@ -30,7 +30,8 @@ over ``ramp``.
 
 Stages until the last one with ``zero`` seat the sample. They end at rest as well, with a kinetic
 energy of ``AT_REST`` of the elastic one, and until then grains lose motion at the rate
-``STILLED``/T at least. Grains that still move after ``LONGEST`` T are taken so (waiting.py).
+``STILLED``/T (apparatus.py) at least. Grains that still move after ``LONGEST`` T are taken so
+(waiting.py).
 
 Rows of the history fall due by the ways that a stage has come, one for each of what leads it:
 s, the changes of lengths that go at a speed, the values of ``until``, and time where it waits and
@@ -46,32 +47,19 @@ import math
 
 import numpy as np
 
-from ..errors import InputError, SolverError
+from ..errors import InputError
 from ..machine.ranks import on_first_rank
 from ..state import Stateful
-from .gauges import Gauges, WallMeans
-from .measured_paths import measured_paths, read_motions
+from .apparatus import Apparatus
+from .measured_paths import read_motions
 from .measures import WallMeasures
-from .oedometer import hindrance
-from .pace import Paces
 from .present_stage import PresentStage
-from .quasi_static import HELD, SIDE
-from .shearing import shearing_of
-from .task_list import Start, tasks_of, walls_moved
-from .tasks import WallsNow
-from .wall_servo import Servo
+from .stage_end import StageEnd
 
 STRAIN_DEFINITION = (
     "shortening of the distance between the walls across an axis over that distance at the end of "
     "the last stage with zero = true before (without one: at the start); compression positive"
 )
-
-#: Times that a wave travels for which stresses have to stay within their tolerance.
-SETTLED = 2.0
-#: Damping while the sample is seated over one over that time.
-STILLED = 0.5
-#: Ways of every stage: s, that of lengths, and of time where it waits.
-NUM_WAYS = 3
 
 
 class StagedLoading(Stateful):
@@ -94,31 +82,27 @@ class StagedLoading(Stateful):
     STATE = {"common": ("index", "stages", "first_height", "_speed")}
 
     def __init__(self, simulation, settings, program, quasi_static=None, measures=None):
-        self.simulation, self.settings, self.program = simulation, settings, program
+        self.simulation, self.program = simulation, program
         self.measures = WallMeasures(simulation) if measures is None else measures
-        self.container = self.measures.container
-        self.shearing = shearing_of(simulation, self.container, settings, program)
-        self.gauges = Gauges(self.measures, self.shearing)
-        self.servo = Servo(simulation, self.measures)
-        self.paces = Paces(simulation, self.container, settings, quasi_static)
+        self.apparatus = Apparatus(simulation, settings, program, quasi_static, self.measures)
+        self._end = StageEnd(self.apparatus, settings)
         if self.control is not None and self.measures.lags:
-            self.control.lack_of_held = self._lack_of_held
+            self.control.lack_of_held = lambda: self.apparatus.lack_of_held(self._now)
         #: Motions that stages follow: number of the stage -> :class:`~.measured.Measured`.
         self.motions = self._read_motions()
         zeros = [number for number, stage in enumerate(program) if stage.zero]
         self._last_zero = max(zeros, default=-1)
         self.first_height = self.height
-        self._speed = 0.0
-        self._updated, self._loads, self._parts = -1, None, []
+        self._speed, self._updated = 0.0, -1
         self.stages = []
         self.index = -1
         self._now = None
-        self._begin(np.zeros(len(self.container.walls)))
+        self._begin(np.zeros(len(self.measures.container.walls)))
 
     def _read_motions(self):
         """The files of all stages, on all ranks. Collective."""
         comm = self.simulation.comm
-        found = on_first_rank(comm, lambda: read_motions(self.program, self.container))
+        found = on_first_rank(comm, lambda: read_motions(self.program, self.measures.container))
         return comm.bcast(found)
 
     # --- what others read -----------------------------------------------------------------
@@ -126,27 +110,27 @@ class StagedLoading(Stateful):
     @property
     def control(self):
         """The speed that adapts, or None."""
-        return self.paces.control
+        return self.apparatus.paces.control
 
     @property
     def columns(self):
         """Of history.csv beyond the usual ones."""
-        return (*self.gauges.columns, *(f"target_{axis}" for axis in self.container.axes))
+        return (*self.apparatus.gauges.columns, *self._targets)
 
     @property
     def strain(self):
         """Vertical strain."""
-        return float(self.gauges.strains[-1])
+        return float(self.apparatus.gauges.strains[-1])
 
     @property
     def height(self):
         """Distance of top and bottom wall [m]."""
-        return float(self.gauges.lengths[-1])
+        return float(self.apparatus.gauges.lengths[-1])
 
     @property
     def reference_height(self):
         """That distance at strain 0 [m]."""
-        return self.gauges.reference[-1]
+        return self.apparatus.gauges.reference[-1]
 
     @property
     def speed_now(self):
@@ -190,13 +174,7 @@ class StagedLoading(Stateful):
         """How far the present stage has come, from 0 to 1, 1 only when it is over. Collective."""
         if self._is_over():
             return 1.0
-        stage, t = self.program[self.index], self.simulation.state.t
-        # Where it waits it stays just below what a row or a state is due at.
-        done = self._part_led() * (1.0 - 1e-9)
-        if stage.hold > 0.0:
-            held = 0.0 if self._now.hold_from is None else (t - self._now.hold_from) / stage.hold
-            done = 0.5 * (done if self._now.hold_from is None else 1.0) + 0.5 * min(held, 1.0)
-        return min(done, 1.0 - 1e-9)
+        return self._now.progress(self.simulation.state.t)
 
     def interval(self, count):
         """Course between two of ``count`` rows of the test, shared evenly by its stages."""
@@ -228,20 +206,17 @@ class StagedLoading(Stateful):
         Args:
             forces: On the walls [N], shape (num_walls,).
         """
-        targets = zip(self.container.axes, self._stresses_to_carry(), strict=True)
-        return self.gauges.row(forces) | {f"target_{a}": target or 0.0 for a, target in targets}
+        gauges = self.apparatus.gauges
+        targets = zip(self._targets, self._now.targets(gauges.mean_stress()), strict=True)
+        return gauges.row(forces) | {name: target or 0.0 for name, target in targets}
 
     def state_dict(self):
         """What a loading that goes on from here has to know, fit for JSON."""
-        kept = super().state_dict() | {
+        return super().state_dict() | {
             "now": self._now.state_dict(),
-            "gauges": self.gauges.state_dict(),
-            "mean": self.gauges.means.state_dict(),
-            "servo": self.servo.state_dict(),
-            "shearing": self.shearing.state_dict(),
+            **self.apparatus.state_dict(),
             "motions": {str(n): motion.checksum for n, motion in self.motions.items()},
         }
-        return kept if self.control is None else kept | {"control": self.control.state_dict()}
 
     def load_state_dict(self, kept):
         """Go on from what :meth:`state_dict` gave.
@@ -256,301 +231,68 @@ class StagedLoading(Stateful):
                     f'{motion.path} has changed, expected what stage "{self.program[number].name}" '
                     "of the run has followed"
                 )
-        if kept.get("shearing"):  # else no stage so far had any
-            self.shearing.load_state_dict(kept["shearing"])
-        self.shearing.take(self.program[self.index])
-        self._now.load_state_dict(kept["now"])
-        self.gauges.load_state_dict(kept["gauges"])
-        self.gauges.means.load_state_dict(kept["mean"])
-        self.servo.load_state_dict(kept["servo"])
+        stage, apparatus = self.program[self.index], self.apparatus
+        apparatus.load_state_dict(kept, stage)
+        now = self._now = PresentStage(stage, apparatus.shearing)
+        now.load_state_dict(kept["now"])
+        apparatus.set_tasks(now, self.motions.get(self.index))
+        apparatus.paces.load_state_dict(kept, now.tasks)
         self._updated = -1
-        self.tasks = self._tasks()
-        if self.control is not None:
-            self.control.load_state_dict(kept["control"])
-            self.paces.lead(self.tasks)
 
     # --- stages ---------------------------------------------------------------------------
 
     def before_step(self):
         """Set the speeds of the walls and change stage when it is time. Collective."""
         if self._is_over() and self.index + 1 < len(self.program):
-            self._begin(self._loads[0])
-        self._still()
-        self._move()
-
-    def _still(self):
-        """Take the motion of grains while the sample is seated, beside what the scene states."""
-        travel, least = self.servo.travel_time, 0.0
-        if not self.loaded and self._now.led_until is not None and travel > 0.0:
-            least = STILLED / travel
-        self.simulation.damping = max(self.servo.damping, least)
+            self._begin(self.apparatus.forces)
+        self.apparatus.still(not self.loaded and self._now.led_until is not None)
+        self._speed = self.apparatus.lead(self._now, self.loaded)
 
     def leave(self, notice=None):
         """Leave the grains to the damping that the scene states, with a line or None. Local."""
-        self.simulation.damping = self.servo.damping
+        self.apparatus.still(False)
         self._now.waiting.notice = self._now.waiting.notice or notice
-
-    def _begin(self, forces):
-        """Begin the next stage."""
-        gauges, state, held = self.gauges, self.simulation.state, None
-        if self._now is not None:
-            means = gauges.mean_stress()
-            held = [task.target(self._now.s, means) for task in self.tasks]
-            if self.program[self.index].zero:
-                gauges.set_zero()
-        self.index += 1
-        stage, stress = self.program[self.index], gauges.axis_stress(forces)
-        for name, motion in stage.tools.items():
-            self.simulation.tools.set_motion(name, state.t, motion.rates, motion.loads, motion.ramp)
-        of_walls = gauges.wall_stress(forces)
-        if self.index == 0:
-            gauges.means = WallMeans(of_walls.tolist(), state.t)
-        of_walls = gauges.led(of_walls)
-        held = [None] * len(stress) if held is None else held
-        stress0 = [
-            float(of_walls[list(walls_moved(stage, self.container, a))].mean()) if h is None else h
-            for a, h in enumerate(held)
-        ]
-        self.shearing.begin(stage)
-        ways = [0.0] * (NUM_WAYS + len(self._given))
-        lengths, places = gauges.lengths.tolist(), gauges.places.tolist()
-        self._now = PresentStage(state.t, lengths, places, stress0, held, ways)
-        self.tasks = self._tasks()
-        gauges.shut([task.axis for task in self.tasks if task.keeps_volume], stress0)
-        self._now.values0 = gauges.values(gauges.mean_stress(), state.t)
-        self._updated, self._parts = -1, []
-        self.paces.begin(self.tasks, self.loaded, self._speed_of_servos())
-        self.stages.append(
-            {
-                "name": self.stage,
-                "step": state.num_steps,
-                "time": state.t,
-                "strain": self.strain,
-                "strains": gauges.strains.tolist(),
-                "stresses": stress.tolist(),
-                **self.shearing.values(),
-            }
-        )
-
-    def _tasks(self):
-        """What the axes do in this stage, from what it began with."""
-        now, container, reference = self._now, self.container, self.gauges.reference
-        start = Start(container, now.held, now.stress0, now.length0, reference, self.settings.speed)
-        motion = self.motions.get(self.index)
-        paths = measured_paths(motion, container, now.length0, reference)
-        return tasks_of(self.program[self.index], paths, start)
-
-    def _part_led(self):
-        """How far the leading part of the stage has come, from 0 to 1."""
-        parts = [self._now.s] if any(task.ends for task in self._all) else []
-        parts += self._parts
-        return min(max(max(parts, default=0.0), 0.0), 1.0)
-
-    @property
-    def _given(self):
-        """The values of `until` of this stage, by name."""
-        until = self.program[self.index].until
-        return {} if until is None else until.given
-
-    def _parts_of_until(self):
-        """How far each value of `until` has come; 1 where it is passed."""
-        if not self._given:
-            return []
-        now = self.gauges.values(self.gauges.mean_stress(), self._now.begun)
-        before = self._now.values0
-        ways = {name: value - before[name] for name, value in self._given.items()}
-        return [(now[n] - before[n]) / way if way else 1.0 for n, way in ways.items()]
-
-    def _come(self, lengths, t):
-        """Add to the ways of this stage what has been done since, each of which only grows."""
-        most = self.settings.largest_strain
-        shares = [
-            abs(1.0 - lengths[a] / self._now.length0[a]) / most
-            for a, task in enumerate(self.tasks)
-            if task.free
-        ]
-        led = self._now.hold_from if "time" in self._given else self._now.led_until
-        until = t if led is None else led
-        # Rows are as near at first as before it waits, and as many each time that it has waited
-        # e times as long: few grains may rattle for long.
-        wait = max(self.program[self.index].hold, SETTLED * self.servo.travel_time)
-        whole = max(until - self._now.begun, wait, self.paces.ramp_time(self._now))
-        waited = math.log1p((t - until) / whole) if whole > 0.0 else 0.0
-        now = [self._now.s, max(shares, default=0.0), waited]
-        now += self._parts
-        self._now.ways = [float(max(a, b)) for a, b in zip(self._now.ways, now, strict=True)]
-
-    def _is_led(self):
-        """Whether walls are on the way to what the stage is to reach, or go at a speed."""
-        on_line = self._now.s < 1.0 and any(task.goes for task in self._all)
-        return on_line or any(task.driven for task in self._all)
-
-    @property
-    def _all(self):
-        """Tasks of the axes, and what shears the sample."""
-        return (*self.tasks, self.shearing)
-
-    def _is_over(self):
-        """Whether the present stage is over in the present state. Collective."""
-        t = self.simulation.state.t
-        if self._updated != self.simulation.state.num_steps:
-            self._updated = self.simulation.state.num_steps
-            self._update(t)
-        hold = self.program[self.index].hold
-        return self._now.hold_from is not None and t - self._now.hold_from >= hold
-
-    def _update(self, t):
-        """Look at the present state. Collective; twice gives the same as once."""
-        self._loads = forces, _ = self.measures.pressing()
-        gauges, now = self.gauges, self._now
-        stress, lengths = gauges.axis_stress(forces), gauges.lengths
-        self.servo.sample(stress, lengths)
-        gauges.means.add(gauges.wall_stress(forces), t, self.servo.travel_time)
-        self.shearing.sample(t, self.servo.travel_time)
-        self._parts = self._parts_of_until()
-        self._check_lengths(stress, lengths)
-        self._come(lengths, t)
-        near = now.s == 1.0 or not any(task.goes for task in self._all)
-        near &= self.shearing.is_there
-        if not self.loaded and any(task.servo for task in self.tasks):
-            near &= now.waiting.rests(self.stage, self.servo.kinetic, self.waves_waited(t))
-        means, axis_means = gauges.led(np.asarray(gauges.means.stress)), gauges.mean_stress()
-        for task in self.tasks:
-            near &= task.is_there(means, axis_means, lengths, self.settings.tolerance)
-        now.settled = (t if now.settled is None else now.settled) if near else None
-        if now.led_until is None and not self._is_led():
-            now.led_until = t
-        if now.hold_from is None:
-            self._look_for_end(t)
 
     def waves_waited(self, t):
         """Times that a wave travels since walls had reached what they go to, at the time t [s]."""
-        led, travel = self._now.led_until, self.servo.travel_time
-        return 0.0 if led is None or not travel > 0.0 else (t - led) / travel
+        return self._end.waves_waited(self._now, t)
 
-    def _look_for_end(self, t):
-        """Let `hold` begin where the stage has reached what it is to reach, or `until`."""
-        now, stage, tasks = self._now, self.program[self.index], self.tasks
-        at_speed = any(task.at_speed for task in self._all)
-        ends = any(task.ends for task in self._all)
-        ends_itself = ends or not (stage.until is not None or at_speed)
-        travel = self.servo.travel_time
-        if ends_itself and now.settled is None:
-            self._look_whether_it_waits(t)
-        if ends_itself and now.settled is not None:
-            servo = any(task.servo for task in tasks)
-            wait = SETTLED * travel if servo else 0.0
-            if t - now.settled >= wait:
-                now.hold_from = t
-        if now.brake_from is None and any(part >= 1.0 for part in self._parts):
-            now.brake_from = t
-            if now.led_until is None:
-                now.led_until = t
-        braked = self.paces.ramp_time(now) if self._is_led() else 0.0
-        if now.brake_from is not None and t - now.brake_from >= braked:
-            now.hold_from = t
-
-    def _look_whether_it_waits(self, t):
-        """Make a notice where the sample is at rest without the stresses that it is to reach.
-
-        Raises:
-            SolverError: A seating has not got there for long.
-        """
-        if not self.loaded:
-            self._now.waiting.check(self.stage, self.gauges.means.stress, self.waves_waited(t))
-        if not self._now.waiting.is_due(t, self.servo.travel_time):
-            return
-        means, tolerance = self.gauges.mean_stress(), self.settings.tolerance
-        lacks = {}
-        for task in self.tasks:
-            if task.servo:
-                target = task.target(1.0, means)
-                lacks[task.axis] = abs(means[task.axis] - target), target
-        if not lacks:
-            return
-        allowed = tolerance * min(target for _, target in lacks.values())
-        if not self._now.waiting.look(t, self.servo, self.gauges.lengths, allowed):
-            return
-        a = max(lacks, key=lambda axis: lacks[axis][0])
-        self._now.waiting.notice = (
-            f'stage "{self.stage}" waits at rest: stress_{self.container.axes[a]} = '
-            f"{means[a] / 1e3:.5g} kPa, expected {lacks[a][1] / 1e3:.5g} kPa for "
-            f"{SETTLED:g} travel times of a wave within loading.tolerance = {tolerance:g}: stop, "
-            "raise that, and --resume; where grains rattle raise solver.damping in a new run"
+    def _begin(self, forces):
+        """Begin the next stage."""
+        apparatus, gauges, held = self.apparatus, self.apparatus.gauges, None
+        if self._now is not None:
+            held = self._now.targets(gauges.mean_stress())
+            if self.program[self.index].zero:
+                gauges.set_zero()
+        self.index += 1
+        stage, motion = self.program[self.index], self.motions.get(self.index)
+        stress = gauges.axis_stress(forces)
+        self._now = apparatus.begin(stage, motion, held, forces)
+        self._updated = -1
+        tasks, held = self._now.tasks, apparatus.speed_of_servos(self._now)
+        apparatus.paces.begin(tasks, self.loaded, held)
+        self.stages.append(
+            {
+                "name": self.stage,
+                "step": self.simulation.state.num_steps,
+                "time": self.simulation.state.t,
+                "strain": self.strain,
+                "strains": gauges.strains.tolist(),
+                "stresses": stress.tolist(),
+                **apparatus.shearing.values(),
+            }
         )
 
-    def _check_lengths(self, stress, lengths):
-        """Raise SolverError where the sample cannot carry what it is to carry."""
-        limit, axes, means = self.settings.largest_strain, self.container.axes, None
-        for a, task in enumerate(self.tasks):
-            change = 1.0 - lengths[a] / self._now.length0[a]
-            if task.free and abs(change) > limit:
-                what = hindrance(self.simulation) or (
-                    "see that the sample fills its walls and can carry what is asked"
-                )
-                raise SolverError(
-                    f'stage "{self.stage}": the length along {axes[a]} changed by {change:.1%} at '
-                    f"a stress of {stress[a]:.3g} Pa there (loading.largest_strain = {limit:g}): "
-                    f"{what}"
-                )
-            if task.servo:
-                means = self.gauges.mean_stress() if means is None else means
-                if (target := task.target(self._now.s, means)) < 0.0:
-                    raise SolverError(
-                        f'stage "{self.stage}": at stress_z = {means[-1]:.3g} Pa the mean stress '
-                        f"asks for a stress of {target:.3g} Pa along {axes[a]}, expected q < 3 p"
-                    )
+    def _is_over(self):
+        """Whether the present stage is over in the present state. Collective."""
+        state = self.simulation.state
+        if self._updated != state.num_steps:
+            self._updated = state.num_steps
+            self.apparatus.sample()
+            self._end.look(self._now, state.t, self.loaded)
+        return self._now.is_over(state.t)
 
-    def _stresses_to_carry(self):
-        """Of the axes, at what these carry in the mean [Pa]; None where that is free."""
-        means = self.gauges.mean_stress()
-        return [task.target(self._now.s, means) for task in self.tasks]
-
-    def _lack_of_held(self):
-        """What the stress of walls that hold one is off, over it, of the worst axis [-]."""
-        means = self.gauges.mean_stress()
-        off = (means[a] / target - 1.0 for a, target in self._held_stresses(means))
-        return float(max(map(abs, off), default=0.0))
-
-    def _held_stresses(self, means):
-        """(axis, stress [Pa]) of what servos hold in this stage, at mean stresses of the axes."""
-        held = [task for task in self.tasks if task.servo and not task.goes]
-        targets = ((task.axis, task.target(self._now.s, means)) for task in held)
-        return [(axis, target) for axis, target in targets if target]
-
-    def _speed_of_servos(self):
-        """Speed of loading at which these would be off by what is allowed [m/s]."""
-        if not (self.servo.impedance > 0.0 and self.measures.lags):
-            return math.inf
-        stresses = [target for _, target in self._held_stresses(self.gauges.mean_stress())]
-        return HELD * min(stresses, default=math.inf) / (SIDE * self.servo.impedance)
-
-    # --- walls ----------------------------------------------------------------------------
-
-    def _move(self):
-        """Velocities of the walls for the coming step."""
-        sim, now, gauges = self.simulation, self._now, self.gauges
-        forces, stiffness = self._loads
-        lengths = gauges.lengths
-        area = self.container.areas_of_walls(lengths)
-        stress, gain = gauges.axis_stress(forces), self.measures.gains(self.servo, stiffness, area)
-        walls = WallsNow(
-            lengths, stress, gauges.led(gauges.wall_stress(forces)), stiffness, gain,
-            gauges.places - now.places0, sim.dt,
-        )  # fmt: skip
-        pace = self.paces.pace(now, self.tasks, gauges.strains, self.loaded, self.shearing)
-        if pace.leading:
-            furthest = (task.furthest(now.s, walls, pace) for task in self.tasks)
-            sheared = self.shearing.next_s(now.s, pace.factor, pace.ramp)
-            now.s = max(now.s, min(1.0, sheared, *furthest))
-        velocity = np.zeros(len(area))  # of each wall towards the sample
-        for task in self.tasks:
-            if not task.keeps_volume:
-                velocity[list(task.walls)] = task.speeds(now.s, walls, pace)
-        closing = self.container.closing(velocity)
-        for task in self.tasks:
-            if task.keeps_volume:  # goes with the others
-                velocity[list(task.walls)] = task.speeds(now.s, walls, pace, closing)
-        self.measures.lead(velocity, self._stresses_to_carry)
-        speed = self.shearing.move(now.s if pace.leading else None, pace.factor, velocity)
-        self._speed = max(speed, float(np.abs(self.container.closing(velocity)).max()))
+    @property
+    def _targets(self):
+        """Columns of history.csv of what axes are to carry."""
+        return [f"target_{axis}" for axis in self.measures.container.axes]

@@ -19,7 +19,7 @@ from mpi4py import MPI
 from ..contact.separation import separate
 from ..loading.oedometer import smooth_step
 from ..loading.quasi_static import AIM
-from ..loading.stages import SETTLED
+from ..loading.stage_end import SETTLED
 from ..machine.memory import peak_memory
 from ..run.from_scene import (
     load_mesh,

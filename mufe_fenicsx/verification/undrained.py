@@ -55,9 +55,9 @@ def undrained_elastic(comm, elements=6.0, nu=0.2, strain=2e-3, speed=0.02):
     while not loading.finished:
         loading.before_step()
         sim.step()
-        stress = loading.gauges.axis_stress(sim.wall_forces())
-        pressure = loading.gauges.pore_pressure(stress)
-        volume = float(CYLINDER.volume(loading.gauges.lengths))
+        stress = loading.apparatus.gauges.axis_stress(sim.wall_forces())
+        pressure = loading.apparatus.gauges.pore_pressure(stress)
+        volume = float(CYLINDER.volume(loading.apparatus.gauges.lengths))
         ends[loading.stage] = stress, pressure, volume
     side, vertical = ends["start"][0]
     mean = (2.0 * side + vertical) / 3.0

@@ -25,11 +25,11 @@ def test_walls_follow_a_file(tmp_path):
         loading.before_step()
         sim.step()
         if loading.index == 1 and loading._now.hold_from is None:
-            strains.append(loading.gauges.strains.copy())
+            strains.append(loading.apparatus.gauges.strains.copy())
             z_min.append(sim.walls.point[4, 2])
             ways.append(loading._now.s)
             speeds.append(loading.speed_now)
-    strains, ways, L = np.array(strains), np.array(ways), loading.gauges.reference
+    strains, ways, L = np.array(strains), np.array(ways), loading.apparatus.gauges.reference
     wanted = np.array([[0.001, 1e-6 / L[1], 0], [0.0005, 1.5e-6 / L[1], 2e-6 / L[2]],
                        [0.002, 1e-6 / L[1], 3e-6 / L[2]]])  # fmt: skip
     at = [np.argmin(np.abs(ways - part)) for part in (0.25, 0.75, 1.0)]

@@ -49,9 +49,9 @@ def after_pressing(sim, axes, stages):
 
 def march(sim, loading):
     """To the end: stage -> rows of (stress along three directions, strain of them, volume, u)."""
-    found, container = {}, loading.container
+    found, container = {}, loading.measures.container
     for _ in steps(sim, loading):
-        gauges = loading.gauges
+        gauges = loading.apparatus.gauges
         stress = gauges.axis_stress(sim.wall_forces())
         found.setdefault(loading.stage, []).append((
             container.three_stresses(stress, gauges.lengths),

@@ -87,9 +87,13 @@ def test_an_elastic_cube_in_simple_shear():
         shape.extend(np.abs(walls.normal[:2] @ edge) / SIZE)
         if loading.stage == "shear":
             beside[:] = [0.5 * (walls.force[0, 2] - walls.force[1, 2]) / SIZE**2]
-            stress = loading.gauges.axis_stress(sim.wall_forces())
-            mises[:] = [loading.gauges.values(stress, 0.0)["deviator"]]
-            tensor = np.diag(stress) + loading.shearing.stress * np.eye(3)[[2, 1, 0]] * [1, 0, 1]
+            stress = loading.apparatus.gauges.axis_stress(sim.wall_forces())
+            mises[:] = [loading.apparatus.gauges.values(stress, 0.0)["deviator"]]
+            tensor = np.diag(stress) + loading.apparatus.shearing.stress * np.eye(3)[[2, 1, 0]] * [
+                1,
+                0,
+                1,
+            ]
             tensor -= np.trace(tensor) / 3.0 * np.eye(3)
             mises.append(np.sqrt(1.5 * (tensor**2).sum()))
 
@@ -119,8 +123,9 @@ def test_shear_and_strain_come_along_one_line():
     )
     sim, loading = within(BOX, bounds, box((SIZE,) * 3, (1, 1, 1)), program, speed=5.0)
     path = {"there": [], "slow": []}
+    rig = loading.apparatus
     march(sim, loading, lambda: path[loading.stage].append(
-        (sim.state.t, loading.gauges.strains[2], loading.shearing.value)))  # fmt: skip
+        (sim.state.t, rig.gauges.strains[2], rig.shearing.value)))  # fmt: skip
     for stage, first, last in (("there", (0, 0), (0.01, 0.05)), ("slow", (0.01, 0.05), (0.02, 0))):
         t, strain, gamma = np.array(path[stage]).T
         parts = [(v - a) / (b - a) for v, a, b in zip((strain, gamma), first, last, strict=True)]
@@ -138,12 +143,12 @@ def test_pressures_of_a_tilted_box():
     walls = sim.walls
     walls.angular_velocity[:2, 1], walls.velocity[5, 0] = 0.25 * math.pi, SIZE
     walls.move(1.0)
-    assert loading.shearing.value == pytest.approx(1.0, rel=1e-14)
-    p, lengths = 3.0, loading.gauges.lengths
+    assert loading.apparatus.shearing.value == pytest.approx(1.0, rel=1e-14)
+    p, lengths = 3.0, loading.apparatus.gauges.lengths
     assert lengths == pytest.approx(bounds.high)
     # The same pressure on all faces: forces are p times their areas, those of tilted ones √2 Ly H.
     area = SIZE**2 * np.array([2 * math.sqrt(2), 2 * math.sqrt(2), 3, 3, 6, 6])
-    assert loading.gauges.wall_stress(p * area) == pytest.approx(np.full(6, p))
+    assert loading.apparatus.gauges.wall_stress(p * area) == pytest.approx(np.full(6, p))
     # Nothing sums up on a closed surface: the tilted planes are where the sample ends.
     assert p * area @ walls.normal == pytest.approx(np.zeros(3), abs=1e-12 * area.max())
     assert BOX.volume(lengths) == pytest.approx(6 * SIZE**3)

@@ -53,7 +53,10 @@ def march(sim, loading, watch=None):
     """To the end; (stress, strain, name) at the end of each stage, and of its leading part."""
     ends, led = {}, {}
     for _ in steps(sim, loading):
-        now = loading.gauges.wall_stress(sim.wall_forces()), loading.gauges.strains.copy()
+        now = (
+            loading.apparatus.gauges.wall_stress(sim.wall_forces()),
+            loading.apparatus.gauges.strains.copy(),
+        )
         ends[loading.stage] = now
         if loading._now.hold_from is None:
             led[loading.stage] = now
@@ -194,7 +197,7 @@ def test_rows_are_evenly_apart_where_a_value_of_until_stands_still():
         loading.before_step()
         sim.step()
         if loading.stage == "shear" and loading.course >= due:
-            rows.append((loading.strain, loading._parts_of_until()[0]))
+            rows.append((loading.strain, loading._now.parts[0]))
             due = math.floor(10 * loading.course) / 10 + 0.1
     strain, q = np.array(rows).T
     assert q.max() < 0.8 and np.ptp(q[strain > 0.4 * end]) < 0.1  # it stands still

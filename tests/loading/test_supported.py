@@ -46,7 +46,7 @@ def test_a_stage_reaches_the_mean_of_platens_that_friction_holds_apart():
     loading = loading_of(sim, (Stage("load", z=Axis(stress=STRESS, walls="max")),), 0.02)
     for _ in steps(sim, loading):
         pass
-    bottom, top = loading.gauges.wall_stress(sim.wall_forces())[-2:]
+    bottom, top = loading.apparatus.gauges.wall_stress(sim.wall_forces())[-2:]
     assert loading.take_notice() is None
     # The mean over a travel time is within the tolerance; what still rings adds as much again.
     assert 0.5 * (top + bottom) == pytest.approx(STRESS, rel=2.0 * TOLERANCE)
@@ -57,7 +57,7 @@ def test_only_walls_that_something_holds_apart_may_differ():
     """Sides carry along z; of a smooth cube no wall may differ from the one across."""
     program = (Stage("load", xyz=Axis(stress=STRESS)),)
     for sim, expected in ((rough_cube(), True), (cube(), False)):
-        gauges = loading_of(sim, program, 0.02).gauges
+        gauges = loading_of(sim, program, 0.02).apparatus.gauges
         assert gauges.supported.tolist() == [expected] * 6
         gauges.means.stress = [0.0, 0.0, 0.0, 0.0, 1.0, 3.0]
         led = [2.0, 2.0] if expected else [1.0, 3.0]
@@ -78,7 +78,7 @@ def test_a_stage_that_waits_at_rest_says_so_once(monkeypatch):
     loading = loading_of(sim, (Stage("load", xyz=Axis(stress=STRESS)),), 0.1)
     found = []
     # ρ c is known after the first load; then some times of the comparison go by.
-    while sim.state.t <= max(5.0 * WAVES * loading.servo.travel_time, 1e-5):
+    while sim.state.t <= max(5.0 * WAVES * loading.apparatus.servo.travel_time, 1e-5):
         loading.before_step()
         sim.step()
         assert not loading.finished

@@ -62,7 +62,7 @@ def in_membrane(comm, *, packed=PACKED, seed=SEED, steps=200, repeats=9, most=20
         cell = _test(comm, Path(folder) / "with", grains, True)
         _seat(*cell, most)
         simulation, loading = cell
-        stress = float(min(loading.gauges.mean_stress()))
+        stress = float(min(loading.apparatus.gauges.mean_stress()))
         loaded = {"steps": simulation.state.num_steps, "stress": stress}
         moved = _in_place(simulation, grains.element_size)
         tests = {"with": cell, "without": _test(comm, Path(folder) / "without", moved, False)}
@@ -128,7 +128,7 @@ def _test(comm, folder, grains, in_cell):
 def _seat(simulation, loading, most):
     while loading.index == 0:
         if simulation.state.num_steps == most:
-            found = ", ".join(f"{stress:.3g}" for stress in loading.gauges.mean_stress())
+            found = ", ".join(f"{stress:.3g}" for stress in loading.apparatus.gauges.mean_stress())
             raise InputError(
                 f"stresses after {most} steps in a membrane = {found} Pa, expected them near 20 kPa"
             )
