@@ -5,23 +5,17 @@ import math
 import numpy as np
 from mpi4py import MPI
 
-from ..kernels.build.rows import gather_rows
-from ..kernels.contact.pairs import PairForces
 from ..state import Stateful
 from .laws import LARGEST_DEPTH
 from .mirrors import nodes_on_mirrors
 from .pairs.edge_pairs import EdgeContact
-from .pairs.facet_pairs import search_pairs
 from .pairs.relative_motion import RelativeMotion
 from .results.dents import Dents
 from .results.dissipation import Dissipation
-from .results.edge_contacts import new_slip
+from .search import find_pairs
 from .start.checks import check_stiffness, check_surface, check_walls
-from .start.overlap import Overlaps, depths_to_search
+from .start.overlap import Overlaps
 from .stiffness.layers import SurfaceLayers
-from .surface.active_nodes import nodes_of_pairs
-from .surface.bulges import highest
-from .surface.exchange import exchange_surface
 from .surface.ghosts import Ghosts
 from .surface.points import RECESS
 from .surface.surface import own_surface
@@ -85,6 +79,8 @@ class Contact(Stateful):
         self.overlaps = Overlaps()
         self.num_searches = 0
         self.pairs = self.surface = None
+        #: Whether a force can act on a node of this rank, or by one of its pairs on another one.
+        self.any_pair = False
         #: Called before each search; afterwards all positions are those of this moment.
         self.before_search = None
         self.search(x)
@@ -102,8 +98,6 @@ class Contact(Stateful):
             **({"dents": dents} if dents.any else {}),
         }
 
-    # --- search ---------------------------------------------------------------------------
-
     def search(self, x, ahead=0.0):
         """Find all pairs anew, those within ``ahead`` [m] at least. Collective.
 
@@ -111,106 +105,15 @@ class Contact(Stateful):
         """
         if self.before_search is not None:
             self.before_search()
-        self.ghosts.moving = None
-        gathered = np.empty((self.own.nodes.size, 3))
-        gather_rows(gathered, x, self.own.nodes)
-        reach = max(self.motion.skin, ahead) + 1.1 * self._deepest()
-        old, old_walls, old_edges = self.pairs, self.walls.pairs, self.edges.pairs
-        wait = 0.0
-        if old is not None:
-            # The kernels keep positions and forces of before.
-            old_walls.forces = old_edges.forces = None
-            # Whether a node meets its own grain hangs on more than their distance.
-            if not self.self_contact:
-                wait = min(self.motion.left, self.motion.longest)
-            self.edges.slip += new_slip(self)
-            old.drop_candidates(self.surface.global_facet)
-            overlaps = np.zeros(self.dissipation.num_grains)
-        else:
-            num_grains = self.dissipation.num_grains
-            overlaps = depths_to_search(self.comm, self.own, num_grains, self.first_tool, self.edge)
-        self.exchange(gathered, reach, float(overlaps.max(initial=0.0)))
-        self._search_facets(reach + overlaps[self.surface.grain_of_facet], wait)
-        self._search_edges_and_walls(gathered, reach)
-        if old is not None:
-            self.dissipation.change(old, self.pairs, old_walls, self.walls.pairs, old_edges)
-        self.motion.searched_at = self.motion.bound
-        self.connect()
+        find_pairs(self, x, ahead)
         self.num_searches += 1
 
-    def _deepest(self):
+    def deepest(self):
         """Depth of the deepest closed pair [m]. Collective."""
         depth = self.edges.deepest()
         if self.pairs is not None:
             depth = max(depth, self.pairs.deepest())
         return self.comm.allreduce(depth, op=MPI.MAX)
-
-    def exchange(self, positions, reach, overlap=0.0):
-        """Fetch what other ranks have near this one's surface. Collective.
-
-        Args:
-            positions: Of own surface nodes [m], shape (num_nodes, 3).
-            reach: Distance of smooth surfaces [m].
-            overlap: Largest depth that is looked for beyond it [m].
-        """
-        layers, self.searched = self.layers, positions
-        self.surface, ghosts = exchange_surface(
-            self.comm, self.own, layers, positions, reach + overlap + layers.rise
-        )
-        self.own = self.surface.part_of(self.own)
-        self.ghosts.renew(self.surface, ghosts, positions)
-        neighbours, num_walls = self.surface.neighbours, len(self.walls.walls)
-        self.motion.renew(reach, overlap, neighbours, num_walls, positions)
-
-    def _search_facets(self, reach, wait):
-        """Find pairs of points and facets, within ``reach`` of each smooth one [m]. Local.
-
-        What is beyond the reach of the last search cannot be met for a motion ``wait`` [m].
-        """
-        old, points = self.pairs, self.points
-        self.pairs = search_pairs(
-            self.ghosts.positions.array, points, self.ghosts.facets, self.surface,
-            reach + highest(self.surface.bulge_of_facet), self.motion.bound,
-            self.layers.strengths.any, self.self_contact, self.first_tool,
-        )  # fmt: skip
-        if old is not None:
-            self.pairs.transfer(old, self.surface.global_facet, wait)
-
-    def _search_edges_and_walls(self, nodes, reach):
-        """Find pairs of edges, and of points with walls, within ``reach`` [m]. Collective.
-
-        Args:
-            nodes: Positions of own surface nodes [m], shape (num_nodes, 3).
-            reach: Largest gap [m].
-        """
-        x, motion, points = self.ghosts.positions.array, self.motion, self.points
-        of_nodes, of_points = x[self.ghosts.num_before :], x[: points.num_points]
-        whole_reach = reach + motion.overlap
-        self.edges.search(of_nodes, len(nodes), self.surface, whole_reach, motion.bound)
-        self.walls.search(
-            of_points, nodes, points, reach + self.layers.rise, motion.bound,
-            self.layers.strengths.any, self._tools() if self.walls.pairs is None else None,
-        )  # fmt: skip
-        self.walls.near.enclose(self.comm, self.walls, of_points, reach + self.layers.rise)
-
-    def _tools(self):
-        """Which own nodes, and which points, are of tools; None where there are none."""
-        if self.first_tool is None:
-            return None
-        both = self.own.grain_of_node, self.points.grain_of_point
-        return tuple(grain >= self.first_tool for grain in both)
-
-    def connect(self):
-        """Steps exchange, place and move on what the pairs of now ask for. Collective."""
-        pairs, of_walls = self.pairs, self.walls.pairs
-        self.motion.follow(pairs.motion_bounds, of_walls.motion_bounds)
-        # The others are needed again at the next search only.
-        self.ghosts.list_near(pairs.node, of_walls.node)
-        neighbours = self.surface.neighbours
-        self.ghosts.connect(neighbours, nodes_of_pairs(self) if neighbours else ())
-        # Else no force can act on a node of this rank, or by one of its pairs on another one.
-        any_pair = any(of.size for of in (pairs.node, of_walls.node, self.edges.pairs.first))
-        self._any_pair = any_pair or self.ghosts.any_force
 
     def destroy(self):
         """Free what sends messages. Collective."""
@@ -269,15 +172,11 @@ class Contact(Stateful):
 
     def bind(self):
         """Let the kernels know the arrays of new pairs, which stay where they are. Local."""
-        p, points, work = self.pairs, self.points, self.dissipation.dents.work
-        if p.forces is None:
-            p.friction_row = self.friction.rows(points.grain_of_point[p.node], p.grain)
-            p.name_dents(self.layers.strengths, points, p.grain)
-            # With grains of other ranks: their forces travel while the others are found.
-            early = ~np.isin(p.grain, self.motion.grains)
-            p.forces = PairForces(
-                p, points, self.surface, self.ghosts, self.layers, self.edges.beside,
-                early, self.friction.coefficients, work,
+        points, work = self.points, self.dissipation.dents.work
+        if self.pairs.forces is None:
+            self.pairs.bind(
+                points, self.surface, self.ghosts, self.layers, self.friction, self.edges.beside,
+                self.motion.grains, work,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(points, self.ghosts, self.layers, work)
@@ -292,7 +191,7 @@ class Contact(Stateful):
         Returns:
             Depth over edge of the deepest pair of this rank, and its number.
         """
-        if not self._any_pair:
+        if not self.any_pair:
             self.walls.clear()
             return 0.0, -1
         self.bind()
@@ -310,9 +209,9 @@ class Contact(Stateful):
         walls = self.walls.add_forces(accept, layers.ahead)
         ghosts.end_reverse()
         ghosts.hand_on(f)
-        self.dissipation.total += pairs[0] + edges[0] + walls[0]
-        if not layers.kinematic:  # whose springs hold no energy
-            self.dissipation.switched += pairs[1] + edges[1]
+        # Springs of the kinematic law hold no energy.
+        switched = 0.0 if layers.kinematic else pairs[1] + edges[1]
+        self.dissipation.add(pairs[0] + edges[0] + walls[0], switched)
         if accept:
             self.overlaps.accept(pairs[2] + edges[2] + walls[1], max(pairs[3], edges[3]))
         part, pair = pairs[4]
@@ -345,11 +244,5 @@ class Contact(Stateful):
         return np.append(numbers, at_largest)
 
     def areas(self, pairs):
-        """Parts of the contact area [m²] that the closed pairs ``pairs`` carry. Local.
-
-        Both sides of a contact carry points; their shares of it add up to one.
-        """
-        p = self.pairs
-        facet = p.candidate[p.closest[pairs]]
-        layers = self.points.layer[p.node[pairs]] + self.surface.layer_of_facet[facet]
-        return p.stiffness[pairs] * layers
+        """Parts of the contact area [m²] that the closed pairs ``pairs`` carry. Local."""
+        return self.pairs.areas(pairs, self.points, self.surface)

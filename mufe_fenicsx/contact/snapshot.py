@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import InputError
 from .pairs.facet_pairs import Pairs
 from .pairs.wall_pairs import WallPairs
+from .search import connect, exchange
 from .stiffness.layers import DENTS
 
 #: Bits of the number of a surface node in the name of a facet.
@@ -311,7 +312,7 @@ def restore_contact(contact, mesh, tables, everything_moves, grown=False):
     for name in ("grain", "partner", "work"):
         setattr(done, name, accounts[name][by_pair])
 
-    contact.exchange(searched, contact.motion.reach, contact.motion.overlap)
+    exchange(contact, searched, contact.motion.reach, contact.motion.overlap)
     names = Names(contact, mesh)
     contact.edges.list_edges(own.nodes.size, contact.surface)
     contact.pairs = pairs = _pairs(contact, names, tables.pop("pairs"), tables.pop("candidates"))
@@ -326,7 +327,7 @@ def restore_contact(contact, mesh, tables, everything_moves, grown=False):
     moving[order] = surface["moving"]
     ghosts.moving = None if everything_moves else np.flatnonzero(moving)
     ghosts.positions.own[:] = previous
-    contact.connect()
+    connect(contact)
     ghosts.send()
     ghosts.receive()
     ghosts.place_points()

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...kernels.build.pair_rows import PAIR
-from ...kernels.contact.pairs import pair_energy
+from ...kernels.contact.pairs import PairForces, pair_energy
 from ...kernels.contact.search import find_candidates, group_by_grain, sort_into_cells
 from ...kernels.contact.self_contact import find_self_candidates
 from ...kernels.contact.transfer import find_again, transfer_pairs
@@ -28,6 +28,22 @@ class Pairs(PairTable):
         PAIR.view(self.state, "node")[:] = node
         self.closest_facet = None  #: numbers of the closest facets, once candidates are dropped
 
+    def bind(self, points, surface, ghosts, layers, friction, beside, grains, work):
+        """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
+
+        Args:
+            points, surface, ghosts, layers, beside, work: As of kernels.contact.pairs.PairForces.
+            friction: :class:`~mufe_fenicsx.contact.friction.FrictionTable`.
+            grains: Global indices of this rank's grains.
+        """
+        self.friction_row = friction.rows(points.grain_of_point[self.node], self.grain)
+        self.name_dents(layers.strengths, points, self.grain)
+        # With grains of other ranks: their forces travel while the others are found.
+        early = ~np.isin(self.grain, grains)
+        self.forces = PairForces(
+            self, points, surface, ghosts, layers, beside, early, friction.coefficients, work
+        )
+
     def deepest(self):
         """Depth of the deepest pair without its dent, 0 where all are apart [m]."""
         gap = self.gap - self.dent
@@ -40,6 +56,15 @@ class Pairs(PairTable):
             own = points.grain_of_point[self.node]
             closed = closed & ~(left_out[own] | left_out[self.grain])
         return pair_energy(self.state, closed)
+
+    def areas(self, which, points, surface):
+        """Parts of the contact area [m²] that the closed pairs ``which`` carry.
+
+        Both sides of a contact carry points; their shares of it add up to one.
+        """
+        facet = self.candidate[self.closest[which]]
+        layers = points.layer[self.node[which]] + surface.layer_of_facet[facet]
+        return self.stiffness[which] * layers
 
     def drop_candidates(self, global_facet):
         """Keep of the candidates the closest ones alone, for :meth:`transfer` of the next search.

@@ -35,6 +35,11 @@ class Dissipation(Stateful):
         #: slip of each point by pairs that were dropped [m]
         self.slip_of_dropped = np.zeros(grain_of_point.size)
 
+    def add(self, friction, switched):
+        """Add what friction dissipated, and springs lost, in a step [J]. Local."""
+        self.total += friction
+        self.switched += switched
+
     def totals(self, pairs, walls, crossings):
         """Work of all accounts with what pairs with grains, with walls and of edges did since.
 

@@ -23,7 +23,7 @@ TARGET_PART = 0.5
 def exchange(parameters):
     """Ghost nodes of a rank and what they cost, for several numbers of ranks.
 
-    The facets that ranks would send each other by `contact.exchange`, for a part of the benchmark
+    The facets that ranks would send each other by `contact.search`, for a part of the benchmark
     family, and for comparison those that overlap the box around the other rank's surface.
 
     Parameters: ``cache``, ``size``, ``grains`` (see `family.member`); ``folder``, grains of one's

@@ -1,0 +1,123 @@
+"""The search of contact: which points, edges and walls are near each other, on all ranks."""
+
+import numpy as np
+
+from ..kernels.build.rows import gather_rows
+from .pairs.facet_pairs import search_pairs
+from .results.edge_contacts import new_slip
+from .start.overlap import depths_to_search
+from .surface.active_nodes import nodes_of_pairs
+from .surface.bulges import highest
+from .surface.exchange import exchange_surface
+
+
+def find_pairs(contact, x, ahead):
+    """Make the pairs of contact those within ``ahead`` [m] at least. Collective.
+
+    They take over what the pairs before remember.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
+        x: Positions of the nodes [m], shape (num_nodes, 3).
+    """
+    own, motion, walls, edges = contact.own, contact.motion, contact.walls, contact.edges
+    contact.ghosts.moving = None
+    gathered = np.empty((own.nodes.size, 3))
+    gather_rows(gathered, x, own.nodes)
+    reach = max(motion.skin, ahead) + 1.1 * contact.deepest()
+    old, old_walls, old_edges = contact.pairs, walls.pairs, edges.pairs
+    wait, num_grains = 0.0, contact.dissipation.num_grains
+    if old is not None:
+        # The kernels keep positions and forces of before.
+        old_walls.forces = old_edges.forces = None
+        # Whether a node meets its own grain hangs on more than their distance.
+        if not contact.self_contact:
+            wait = min(motion.left, motion.longest)
+        edges.slip += new_slip(contact)
+        old.drop_candidates(contact.surface.global_facet)
+        overlaps = np.zeros(num_grains)
+    else:
+        overlaps = depths_to_search(
+            contact.comm, own, num_grains, contact.first_tool, contact.edge
+        )  # fmt: skip
+    exchange(contact, gathered, reach, float(overlaps.max(initial=0.0)))
+    _search_facets(contact, reach + overlaps[contact.surface.grain_of_facet], wait)
+    _search_edges_and_walls(contact, gathered, reach)
+    if old is not None:
+        contact.dissipation.change(old, contact.pairs, old_walls, walls.pairs, old_edges)
+    motion.searched_at = motion.bound
+    connect(contact)
+
+
+def exchange(contact, positions, reach, overlap=0.0):
+    """Fetch what other ranks have near this one's surface. Collective.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
+        positions: Of own surface nodes [m], shape (num_nodes, 3).
+        reach: Distance of smooth surfaces [m].
+        overlap: Largest depth that is looked for beyond it [m].
+    """
+    layers, contact.searched = contact.layers, positions
+    contact.surface, ghosts = exchange_surface(
+        contact.comm, contact.own, layers, positions, reach + overlap + layers.rise
+    )
+    contact.own = contact.surface.part_of(contact.own)
+    contact.ghosts.renew(contact.surface, ghosts, positions)
+    num_walls = len(contact.walls.walls)
+    contact.motion.renew(reach, overlap, contact.surface.neighbours, num_walls, positions)
+
+
+def connect(contact):
+    """Steps exchange, place and move on what the pairs of now ask for. Collective."""
+    pairs, of_walls, ghosts = contact.pairs, contact.walls.pairs, contact.ghosts
+    contact.motion.follow(pairs.motion_bounds, of_walls.motion_bounds)
+    # The others are needed again at the next search only.
+    ghosts.list_near(pairs.node, of_walls.node)
+    neighbours = contact.surface.neighbours
+    ghosts.connect(neighbours, nodes_of_pairs(contact) if neighbours else ())
+    any_pair = any(of.size for of in (pairs.node, of_walls.node, contact.edges.pairs.first))
+    contact.any_pair = any_pair or ghosts.any_force
+
+
+def _search_facets(contact, reach, wait):
+    """Find pairs of points and facets, within ``reach`` of each smooth one [m]. Local.
+
+    What is beyond the reach of the last search cannot be met for a motion ``wait`` [m].
+    """
+    old, points, surface = contact.pairs, contact.points, contact.surface
+    contact.pairs = search_pairs(
+        contact.ghosts.positions.array, points, contact.ghosts.facets, surface,
+        reach + highest(surface.bulge_of_facet), contact.motion.bound,
+        contact.layers.strengths.any, contact.self_contact, contact.first_tool,
+    )  # fmt: skip
+    if old is not None:
+        contact.pairs.transfer(old, surface.global_facet, wait)
+
+
+def _search_edges_and_walls(contact, nodes, reach):
+    """Find pairs of edges, and of points with walls, within ``reach`` [m]. Collective.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
+        nodes: Positions of own surface nodes [m], shape (num_nodes, 3).
+        reach: Largest gap [m].
+    """
+    ghosts, motion, points, walls = contact.ghosts, contact.motion, contact.points, contact.walls
+    x, of_walls = ghosts.positions.array, reach + contact.layers.rise
+    of_nodes, of_points = x[ghosts.num_before :], x[: points.num_points]
+    whole_reach = reach + motion.overlap
+    contact.edges.search(of_nodes, len(nodes), contact.surface, whole_reach, motion.bound)
+    walls.search(
+        of_points, nodes, points, of_walls, motion.bound, contact.layers.strengths.any,
+        _tools(contact) if walls.pairs is None else None,
+    )  # fmt: skip
+    walls.near.enclose(contact.comm, walls, of_points, of_walls)
+
+
+def _tools(contact):
+    """Which own nodes, and which points, are of tools; None where there are none."""
+    if contact.first_tool is None:
+        return None
+    both = contact.own.grain_of_node, contact.points.grain_of_point
+    return tuple(grain >= contact.first_tool for grain in both)
