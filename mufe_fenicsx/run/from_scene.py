@@ -1,12 +1,13 @@
 """From a scene file and grains on disk to the simulation of a test."""
 
 from copy import copy
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 from mpi4py import MPI
 
 from ..contact.separation import separate
+from ..contact.settings import ContactSettings
 from ..contact.walls import Wall
 from ..container import SIDE, Bounds
 from ..errors import InputError, raise_together
@@ -274,7 +275,9 @@ def make_simulation(scene, prepared, shorter=1.0):
         prepared: :class:`~.preparation.Prepared`.
         shorter: The scene's time step times this.
     """
-    contact, solver, mesh = scene.contact, scene.solver, prepared.mesh
+    solver, mesh = scene.solver, prepared.mesh
+    contact = {key.name: getattr(scene.contact, key.name) for key in fields(ContactSettings)}
+    contact["friction"] = scene.friction_of(mesh.labels[: mesh.first_tool], len(mesh.sleeves))
     make = Simulation
     more = {
         "assembled": solver.time_step == "assembled",
@@ -291,12 +294,7 @@ def make_simulation(scene, prepared, shorter=1.0):
         materials_of(scene, mesh),
         [copy(wall) for wall in prepared.walls],  # whose targets may change
         **more,
-        friction=scene.friction_of(mesh.labels[: mesh.first_tool], len(mesh.sleeves)),
-        friction_kinetic=contact.friction_kinetic,
-        compliance=contact.compliance,
-        points=contact.points,
-        law=contact.law,
-        self_contact=contact.self_contact,
+        **contact,
         element=solver.element,
         damping=solver.damping,
         gravity=scene.gravity,

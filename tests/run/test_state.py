@@ -15,8 +15,8 @@ COMM = MPI.COMM_SELF
 
 #: What may differ, by a part of its path, and why nothing hangs on it.
 SCRATCH = {
-    "refresh._moved": "set when the limit is looked for, and read there alone",
-    "refresh._waited": "as the last",
+    "limit.schedule._moved": "set when the limit is looked for, and read there alone",
+    "limit.schedule._waited": "as the last",
     "motion.largest": "motion in a step: set in each before contact reads it",
     "motion._moves": "as the last",
     "contact.motion._step": "sent and received in each step",

@@ -8,8 +8,11 @@ from .rows import aligned
 
 #: Types of the fields: of NumPy, and of C for one number and for three.
 REAL, SINGLE, INTEGER = np.dtype(np.float64), np.dtype(np.float32), np.dtype(np.int32)
-SHORT, FLAG = np.dtype(np.uint16), np.dtype(np.bool_)
-_OF_C = {REAL: "double", SINGLE: "float", INTEGER: "int32_t", SHORT: "uint16_t", FLAG: "uint8_t"}
+SHORT, FLAG, BYTE = np.dtype(np.uint16), np.dtype(np.bool_), np.dtype(np.uint8)
+_OF_C = {
+    REAL: "double", SINGLE: "float", INTEGER: "int32_t", SHORT: "uint16_t", FLAG: "uint8_t",
+    BYTE: "uint8_t",
+}  # fmt: skip
 #: Whether a search hands a field on to the pair's successor, and a checkpoint keeps it.
 KEPT = True
 LINE = 64  # bytes of a cache line
@@ -40,7 +43,7 @@ class Field:
 
 
 class Row:
-    """A row of fields without gaps between them, as many whole cache lines as it takes.
+    """A row of fields without gaps between them, filled up to whole cache lines.
 
     Args:
         name: Of the struct in C.
@@ -49,12 +52,13 @@ class Row:
 
     def __init__(self, name, *fields):
         self.name, self.fields = name, tuple(Field(*field) for field in fields)
+        rest = -sum(f.number * f.type.itemsize for f in self.fields) % LINE
+        if rest:
+            self.fields += (Field("filling", BYTE, rest),)
         shapes = [((f.number,) if f.number > 1 else ()) for f in self.fields]
         self.dtype = np.dtype(
             [(f.name, f.type, shape) for f, shape in zip(self.fields, shapes, strict=True)]
         )
-        if self.dtype.itemsize % LINE:
-            raise ValueError(f"row of {self.dtype.itemsize} bytes, expected cache lines of {LINE}")
         #: What a checkpoint keeps of each pair, and a search hands on.
         self.kept = tuple(f.name for f in self.fields if f.kept)
 
