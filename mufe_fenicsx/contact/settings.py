@@ -7,26 +7,49 @@ import numpy as np
 
 from ..arguments import check_fields
 from ..errors import InputError
+from ..units import setting
 from .friction import PairFriction
 from .laws import COMPLIANCE, KINEMATIC, law_names
 from .start.checks import check_law
 
+#: Coefficients of friction that a scene file may state.
+PLAUSIBLE_FRICTION = (0.0, 1e3)
+
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """Law and place of contact between grains.
+    """Law and place of contact between grains; what has a meaning is a key of a scene, too.
 
     Raises:
         InputError: There are no such points, or no such law; a coefficient cannot be;
             self-contact at other points than nodes.
     """
 
-    friction: float | PairFriction = 0.0  #: coefficient between grains [-], or by pair of materials
-    friction_kinetic: float | None = None  #: while a contact slips [-]; ``friction`` if None
-    compliance: float = COMPLIANCE  #: constant c of the layer that matches stiffness to mesh [-]
-    points: str = "facets"  #: where contact acts, one of contact.surface.points.KINDS
-    law: str = "matched"  #: normal law, one of contact.laws.law_names()
-    self_contact: bool = False  #: nodes of a grain also meet facets of the same grain across a void
+    #: Coefficient between grains [-], or by pair of materials.
+    friction: float | PairFriction = 0.0
+    points: str = setting(
+        "facets",
+        "",
+        'where it acts: centroids of "facets", "facets4" (four) or "nodes"',
+        allowed=("facets", "facets4", "nodes"),
+    )
+    law: str = setting(
+        "matched",
+        "",
+        'normal law: stiffness "matched" to the mesh, or "kinematic"',
+        allowed=law_names,
+    )
+    compliance: float = setting(
+        COMPLIANCE,
+        "-",
+        "layer of compliance·h/E* on each side, h the mesh size",
+        gt=0,
+        plausible=(1e-3, 1e3),
+    )
+    friction_kinetic: float | None = setting(
+        None, "-", "between grains while they slip; None: friction", plausible=PLAUSIBLE_FRICTION
+    )
+    self_contact: bool = setting(False, "", "concave grains meet themselves too")
 
     def __post_init__(self):
         check_fields(self)

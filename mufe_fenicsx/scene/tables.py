@@ -6,7 +6,7 @@ The tables of tests by stages are in `stages`, that of static and implicit tests
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..contact.laws import COMPLIANCE, law_names
+from ..contact.settings import PLAUSIBLE_FRICTION, ContactSettings
 from ..container import CONTAINERS, Container
 from ..errors import InputError
 from ..materials.elastic import IsotropicSolid
@@ -15,9 +15,6 @@ from ..units import REQUIRED, Key, check_keys, require, setting
 
 #: How time goes on: central differences, generalised-α, or without inertia.
 INTEGRATORS = ("explicit", "implicit", "static")
-
-#: Coefficients of friction that a scene file may state.
-PLAUSIBLE_FRICTION = (0.0, 1e3)
 
 
 @dataclass(frozen=True)
@@ -84,7 +81,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(ContactSettings):
     """[contact]: between grains, and the default between grains and walls.
 
     With a kinetic coefficient, friction falls to it where a node slips and returns to the
@@ -97,36 +94,13 @@ class Contact:
     friction: float = setting(
         REQUIRED, "-", "coefficient of friction between grains", ge=0, plausible=PLAUSIBLE_FRICTION
     )
-    points: str = setting(
-        "facets",
-        "",
-        'where it acts: centroids of "facets", "facets4" (four) or "nodes"',
-        allowed=("facets", "facets4", "nodes"),
-    )
-    law: str = setting(
-        "matched",
-        "",
-        'normal law: stiffness "matched" to the mesh, or "kinematic"',
-        allowed=law_names,
-    )
-    compliance: float = setting(
-        COMPLIANCE,
-        "-",
-        "layer of compliance·h/E* on each side, h the mesh size",
-        gt=0,
-        plausible=(1e-3, 1e3),
-    )
     wall_friction: float = setting(
         0.0, "-", "coefficient of friction of walls that state none", ge=0,
         plausible=PLAUSIBLE_FRICTION
     )  # fmt: skip
-    friction_kinetic: float | None = setting(
-        None, "-", "between grains while they slip; None: friction", plausible=PLAUSIBLE_FRICTION
-    )
     wall_friction_kinetic: float | None = setting(
         None, "-", "the same of walls that state no friction", plausible=PLAUSIBLE_FRICTION
     )
-    self_contact: bool = setting(False, "", "concave grains meet themselves too")
     pairs: dict[str, Pair] = field(
         default_factory=dict, metadata={"key": Key({}, "", "friction by pair of materials")}
     )

@@ -48,7 +48,7 @@ class Mover:
             mesh.x,
             self.walls,
             ContactGrains(modulus, np.full(mesh.num_grains, ratio)),
-            ContactSettings(static, kinetic, 0.15, points),
+            ContactSettings(static, points, "matched", 0.15, kinetic),
         )
         self.pairs = self.contact.pairs if on_block else self.walls.pairs
         self.on_block, self.ratio = on_block, ratio
