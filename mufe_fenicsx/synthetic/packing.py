@@ -67,9 +67,7 @@ class Packing:
         return near_pairs(self.centre, self.grains.reach, skin)
 
 
-def pack(
-    grains, rng, proportions, target_depth, solid_fraction=1.0, *, max_steps=20000, progress=None
-):
+def pack(grains, rng, proportions, target_depth, *, max_steps=20000, progress=None):
     """Pack grains in a box of the given proportions until contacts are ``target_depth`` deep.
 
     Args:
@@ -77,8 +75,6 @@ def pack(
         rng: NumPy generator, for places and orientations at the start.
         proportions: Edges of the box, to a factor, (3,).
         target_depth: Mean of the largest depth of each touching pair [m].
-        solid_fraction: Of the box, at which the compression ends although grains do not bear yet;
-            then grains are only moved apart until contacts are no deeper than the target.
         max_steps: After so many the compression has failed.
         progress: Called with the number of steps and the packing.
 
@@ -94,7 +90,7 @@ def pack(
     mover.velocity[:] = AGITATION * diameter * rng.standard_normal(mover.velocity.shape)
     # A gas that forgets its lattice; compression until grains bear; then fine surfaces, held
     # at a depth by the servo.
-    stage, calm, held = LOOSE, 0, False
+    stage, calm = LOOSE, 0
     while True:
         if packing.num_steps >= max_steps:
             raise SolverError(
@@ -109,8 +105,7 @@ def pack(
                 stage = DENSE
         elif stage == DENSE:
             strain = DENSE_STRAIN
-            held = packing.solid_fraction >= solid_fraction
-            if held or depth > OVERSHOOT * target_depth:
+            if depth > OVERSHOOT * target_depth:
                 stage = SERVO
                 mover.refine(FINE)
                 mover.velocity[:] = mover.momentum[:] = 0.0
@@ -118,8 +113,6 @@ def pack(
             lack = (target_depth - packing.mean_depth) / diameter
             strain = float(np.clip(GAIN * lack, -DENSE_STRAIN, DENSE_STRAIN))
             near = abs(lack) * diameter < 0.1 * target_depth
-            if held:
-                strain, near = 0.0, lack > 0
             calm = calm + 1 if near else 0
             if calm >= CALM:
                 break

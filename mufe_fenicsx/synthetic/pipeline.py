@@ -18,7 +18,7 @@ from .triangulated import icosphere
 from .truth import CONTACTS, contact_rows, grain_rows
 
 #: Solid fraction of the whole box by which the number of grains is chosen: rather too many.
-SOLID_FRACTION = 0.68  # unless a looser one is asked for
+SOLID_FRACTION = 0.68
 
 
 def synthesize(settings, output_folder, *, overwrite=False, progress=None):
@@ -54,7 +54,6 @@ def synthesize(settings, output_folder, *, overwrite=False, progress=None):
             rng_pack,
             edges,
             settings.overlap * settings.voxel_size,
-            settings.solid_fraction,
             progress=shown,
         )
         packed = time.perf_counter()
@@ -93,8 +92,7 @@ def sample_grains(settings, rng):
     """As many random grains as the box of the packing holds."""
     trial = sizes(rng, 4000, settings.d50, settings.uniformity)
     volume = np.prod(_box_edges(settings))
-    fraction = min(SOLID_FRACTION, settings.solid_fraction + 0.01)
-    n = max(2, round(fraction * volume / (np.pi / 6 * (trial**3).mean())))
+    n = max(2, round(SOLID_FRACTION * volume / (np.pi / 6 * (trial**3).mean())))
     form = [
         np.clip(rng.normal(mean, settings.form_spread, n), 0.3, 1.0)
         for mean in (settings.elongation, settings.flatness)

@@ -39,9 +39,6 @@ class SynthesisSettings:
     margin: float = setting(
         1.0, "d50", "of the packing around the image, next to its walls", ge=0, le=5
     )
-    solid_fraction: float = setting(
-        1.0, "", "at most, between the walls; 1: as dense as without friction", ge=0.3, le=1
-    )
     overlap: float = setting(
         0.1, "voxels", "mean depth of contacts at which the packing is done", ge=0.01, le=1
     )

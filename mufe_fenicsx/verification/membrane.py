@@ -167,15 +167,13 @@ def _tube(comm, R, t, H, h, layers, at_ends, **options):
     return s, Membrane(s, 1)
 
 
-def _ramp(s, membrane, pressure, duration, rest=0.25, at_step=None):
+def _ramp(s, membrane, pressure, duration, rest=0.25):
     """Bring the cell smoothly to a pressure [Pa] and let all come to rest. Collective."""
     start, begun = membrane.pressure, s.state.t
     while (t := s.state.t - begun) < (1.0 + rest) * duration:
         part = smooth_step(min((t + 0.5 * s.dt) / duration, 1.0))
         membrane.set_pressure(start + part * (pressure - start))
         s.step()
-        if at_step:
-            at_step()
 
 
 class _Sample:
@@ -276,11 +274,9 @@ class _Sample:
         # Mean stress times the present area, which is that of the start times J/λ.
         return -along / first * self.ring / (1.0 - self.strains()[0])
 
-    def axial_stress(self, corrected=True):
-        """Force of the platens over the present area, less the membrane's where corrected [Pa]."""
-        force = self.sim.wall_forces()
-        if corrected:
-            force = force - self.membrane.axial_forces()
+    def axial_stress(self):
+        """Force of the platens less the membrane's over the present area [Pa]. Collective."""
+        force = self.sim.wall_forces() - self.membrane.axial_forces()
         wide = self.radius * (1.0 - self.strains()[1])
         return float(force.mean()) / (math.pi * wide**2)
 
