@@ -38,6 +38,9 @@ s, the changes of lengths that go at a speed, the values of ``until``, and time 
 nobody knows for how long. Each grows alone, so that rows are nowhere farther apart than one
 interval of each.
 
+Walls are led by the apparatus (apparatus.py), by what a stage began with (present_stage.py); its
+end is looked for in stage_end.py.
+
 The axes are those of the container: x, y, z of a box; r, along which the length is the diameter,
 and z of a cylinder; o and i, of its outer and inner diameter, and z of a hollow one. What shears a
 sample goes along the same line (shearing.py).
