@@ -89,8 +89,7 @@ def _own_patches(contact, mesh, x, strength):
     The last is (patch, vertex) in rows, vertices by their numbers on all ranks: where one of the
     two bodies is on another rank.
     """
-    contact.ghosts.place_points()
-    pair, vertices, sums = _terms(contact, mesh, x, strength)
+    pair, vertices, sums = _terms(contact, x, strength)
     num_bodies = contact.dissipation.num_grains + len(contact.walls.names)
     bodies = pair[:, 0] * num_bodies + pair[:, 1]
     order = np.argsort(bodies, kind="stable")
@@ -112,7 +111,7 @@ def _sums_of(patch, pair, sums):
     return of_patch, rows @ sums
 
 
-def _terms(contact, mesh, x, strength):
+def _terms(contact, x, strength):
     """Bodies, vertices (-1: none) and terms of the sums of each closed point and crossing."""
     p, w, points = contact.pairs, contact.walls.pairs, contact.points
     num_bodies = contact.dissipation.num_grains
@@ -127,9 +126,9 @@ def _terms(contact, mesh, x, strength):
     grain = points.grain_of_point
     groups = (
         (grain[p.node[on]], p.grain[on], np.hstack([corners, opposite]),
-         _terms_of_points(contact, mesh, x, strength, p, on, contact.areas(on), over)),
+         _terms_of_points(contact, x, strength, p, on, contact.areas(on), over)),
         (grain[w.node[at]], w.wall[at] + num_bodies, corners_at,
-         _terms_of_points(contact, mesh, x, strength, w, at, points.area[w.node[at]], off)),
+         _terms_of_points(contact, x, strength, w, at, points.area[w.node[at]], off)),
         (crossings.grain, crossings.partner, crossings.nodes,
          _terms_of_crossings(crossings)),
     )  # fmt: skip
@@ -192,11 +191,11 @@ def mean_depth(gaps):
     return np.where(two, above - gaps.mean(axis=1), mean)
 
 
-def _terms_of_points(contact, mesh, x, strength, pairs, on, area, gaps):
+def _terms_of_points(contact, x, strength, pairs, on, area, gaps):
     """Terms of the sums for pairs ``on``, whose own side is the first; ``gaps``: at its corners."""
     own, points = contact.own, contact.points
     node = pairs.node[on]
-    place = contact.ghosts.positions.array[node]
+    place = points.places(contact.ghosts.positions.own, node)
     terms = np.zeros((on.size, _NUM_COLUMNS))
     terms[:, _COUNT] = 1
     terms[:, _AREA] = area
@@ -210,7 +209,7 @@ def _terms_of_points(contact, mesh, x, strength, pairs, on, area, gaps):
     def mean(values):
         return np.add.reduceat(values, begin) / count if node.size else np.zeros(0)
 
-    terms[:, _EDGE] = area * mean(facet_edges(mesh.x, own, facet))
+    terms[:, _EDGE] = area * mean(own.facet_edge[facet])
     terms[:, _PLACE] = area[:, None] * place
     terms[:, _MOMENT] = (area[:, None, None] * place[:, :, None] * place[:, None]).reshape(-1, 9)
     if strength is not None:
@@ -237,18 +236,6 @@ def _terms_of_crossings(crossings):
     terms[:, _PLACE] = c.area[:, None] * place
     terms[:, _MOMENT] = (c.area[:, None, None] * place[:, :, None] * place[:, None]).reshape(-1, 9)
     return terms
-
-
-def facet_edges(x, own, facets):
-    """Mean edge of facets of a surface [m], shape (num_facets,).
-
-    Args:
-        x: Positions of the mesh's nodes [m], shape (num_nodes, 3).
-        own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
-        facets: Of it, shape (num_facets,).
-    """
-    corners = x[own.nodes[own.facets[facets]]]
-    return np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).mean(axis=1)
 
 
 def _numbers_on_all_ranks(contact):

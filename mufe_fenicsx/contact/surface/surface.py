@@ -27,6 +27,7 @@ class OwnSurface:
     grain_of_facet: np.ndarray  #: global index of the grain, int32, shape (num_facets,)
     area: np.ndarray  #: nodal areas [m²], shape (num_nodes,)
     facet_area: np.ndarray  #: areas of the facets [m²], shape (num_facets,)
+    facet_edge: np.ndarray  #: mean edges of the facets [m], shape (num_facets,)
     neighbour: np.ndarray  #: as returned by :func:`neighbours`
     ring_offset: np.ndarray  #: as returned by :func:`rings`
     ring: np.ndarray
@@ -57,6 +58,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
     a, b, c = (x[of_mesh[:, i]] for i in range(3))
     facet_area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     area = np.bincount(facets.ravel(), np.repeat(facet_area / 3, 3), nodes.size)
+    edges = sum(np.linalg.norm(end - begin, axis=1) for begin, end in ((a, b), (b, c), (c, a)))
     ring_offset, ring = rings(facets, nodes.size)
     across = neighbours(facets)
     return OwnSurface(
@@ -66,6 +68,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
         grain_of_facet=mesh.grains[local_grain].astype(np.int32),
         area=area,
         facet_area=facet_area,
+        facet_edge=edges / 3.0,
         neighbour=across,
         ring_offset=ring_offset,
         ring=ring,
