@@ -45,10 +45,10 @@ def hemisphere_graded():
 
 
 def one_stone():
-    """An angular stone of 1 mm, as rough as crushed rock, with finer edges where it is curved."""
+    """An angular stone of 1 mm, as rough as crushed rock."""
     stone = make_grains(np.random.default_rng(1), [1e-3], [0.7], [0.75], 0.1, 1.45, 15)
     directions, triangles = icosphere(5)
-    return meshed(stone.surface(directions), triangles, size=80e-6, sizing="curvature")
+    return meshed(stone.surface(directions), triangles, size=70e-6)
 
 
 def twelve_grains():
