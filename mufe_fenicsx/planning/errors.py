@@ -238,7 +238,8 @@ def sample_errors(points=None, element="averaged", law="matched", yields=True):
             raise InputError(f'law of contact "{law}", expected one of which the table has {case}')
         mesh = tuple((n, factor * error) for n, error in mesh)
     masses = {0.0: (0.0, 1.0)}
-    for added in ("0.01", "0.05"):
+    known = {p.parameters["added_mass"] for p in own if "added_mass" in p.parameters}
+    for added in sorted(known, key=float):
         pairs = list(_beside(select(own, added_mass=added), base))
         if pairs:
             masses[float(added)] = (

@@ -117,7 +117,7 @@ def surface_points(shape, directions):
     return shape.radius(directions)[:, None] * directions
 
 
-def mesh_formula(shape, size, *, bulge=True, turn=None):
+def mesh_formula(shape, size, *, bulge=True, turn=None, inner=1.0):
     """Tetrahedra of a grain with the nodes of its surface on the formula.
 
     Args:
@@ -126,6 +126,7 @@ def mesh_formula(shape, size, *, bulge=True, turn=None):
         bulge: Move surface nodes outwards until the facets enclose the volume (`bodies.bulge`), as
             all round bodies here; False: leave them on the surface.
         turn: Rotation (3, 3) of the points that the mesh starts from: another mesh of this body.
+        inner: Length of edges far inside over that on the surface.
 
     Returns:
         points (N, 3) [m] and positively oriented cells (M, 4).
@@ -142,7 +143,7 @@ def mesh_formula(shape, size, *, bulge=True, turn=None):
         directions = directions @ np.asarray(turn).T
     x, triangles = body_surface(surface_points(shape, directions), triangles, Sizes(size))
     x = x / level(shape, x)[:, None]
-    points, cells = fill(x / size, triangles, fixed=np.arange(len(x)))
+    points, cells = fill(x / size, triangles, inner=inner, fixed=np.arange(len(x)))
     points *= size
     if bulge:
         outer = np.unique(boundary_triangles(cells))

@@ -66,13 +66,13 @@ class KnownSample:
         """Origins of the formulas [m], drawn apart about the middle by a strain."""
         return self.centre + apart * (self.centre - 0.5 * self.edges)
 
-    def bodies(self, size, apart=0.0, *, bulge=True, mesh=1):
+    def bodies(self, size, apart=0.0, *, bulge=True, mesh=1, inner=1.0):
         """Meshes in place: list of (points [m], cells).
 
         Args:
             size: Length of edges [m].
             apart: As of :meth:`places`.
-            bulge: As of `formula_grains.mesh_formula`.
+            bulge, inner: As of `formula_grains.mesh_formula`.
             mesh: Seed of the points that meshes start from: another mesh of the same grains.
         """
         starts = Rotation.random(self.num_grains, rng=np.random.default_rng(mesh)).as_matrix()
@@ -80,7 +80,7 @@ class KnownSample:
         for shape, start, axes, place in zip(
             self.shapes, starts, self.axes, self.places(apart), strict=True
         ):
-            x, cells = mesh_formula(shape, size, bulge=bulge, turn=start)
+            x, cells = mesh_formula(shape, size, bulge=bulge, turn=start, inner=inner)
             found.append((x @ axes.T + place, cells))
         return found
 

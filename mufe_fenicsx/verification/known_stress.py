@@ -168,6 +168,7 @@ def sample_point(
     loading=1.0,
     sample=1,
     mesh=1,
+    inner_size=1.0,
     accuracy=0.05,
 ):
     """Twenty interlocked grains of known shape: mean error of the stress at two strains, and cost.
@@ -182,6 +183,7 @@ def sample_point(
         loading: Duration over that at the speed of `known-sample`.
         sample: Seed of the sample.
         mesh: Seed of the meshes.
+        inner_size: Length of edges far inside grains over that on their surfaces.
         accuracy: Error that is wanted.
 
     Raises:
@@ -191,7 +193,8 @@ def sample_point(
         known = sorted(seed for seed, of in LIMITS if of == fidelity)
         raise InputError(f"sample = {sample}, expected a known one, of {fidelity} grains {known}")
     known = known_sample(seed=sample)
-    bodies = known.bodies(DIAMETER / elements_per_diameter, APART, mesh=mesh)
+    size = DIAMETER / elements_per_diameter
+    bodies = known.bodies(size, APART, mesh=mesh, inner=inner_size)
     course = press(
         comm, known, bodies, FIDELITIES[fidelity], STRAINS[-1] + AROUND, SPEED / loading,
         element=element, **options_of(law, time_step, added_mass),

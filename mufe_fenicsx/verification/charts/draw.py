@@ -23,6 +23,7 @@ LOOKS = {
     "element's time step": (style.BLUE, "o", ":"),
     "mass 1 %": (style.SKY, "o", "--"),
     "mass 5 %": (style.SKY, "o", "-"),
+    "mass 20 %": (style.SKY, "o", ":"),
     "loading x 2": (style.ORANGE, "<", "-"),
     "loading x 4": (style.ORANGE, ">", "--"),
     "mass 1 %, loading x 2": (style.ORANGE, "h", "-."),

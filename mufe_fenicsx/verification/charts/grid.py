@@ -18,6 +18,7 @@ LINES = {
     "element's time step": {"time_step": "element"},
     "mass 1 %": {"added_mass": 0.01},
     "mass 5 %": {"added_mass": 0.05},
+    "mass 20 %": {"added_mass": 0.2},
     "loading x 2": {"loading": 2.0},
     "loading x 4": {"loading": 4.0},
     "mass 1 %, loading x 2": {"added_mass": 0.01, "loading": 2.0},
@@ -50,54 +51,54 @@ SIZE = {
 CHARTS = {
     "hertz": (
         (0.6, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0), (1.5, 2.5), (6.0,),
-        (OURS, "four points", SEED, "plain P1", "mass 1 %", "mass 5 %", "static"),
+        (OURS, "four points", SEED, "plain P1", "mass 1 %", "mass 5 %", "mass 20 %", "static"),
         ("stiff penalty", "kinematic law", "contact at nodes", "element's time step", "loading x 2",
          "loading x 4", "mass 5 %, loading x 2", "implicit"),
     ),
     "mindlin": (
         (0.75, 1.0, 1.5, 1.75, 2.0, 2.25, 2.5, 3.0, 3.5), (1.5,), (5.0,),
-        (OURS, "four points", SEED, "plain P1", "mass 1 %", "mass 5 %", "loading x 2",
+        (OURS, "four points", SEED, "plain P1", "mass 1 %", "mass 5 %", "mass 20 %", "loading x 2",
          "mass 1 %, loading x 2", "mass 5 %, loading x 1.5", "mass 5 %, loading x 2"),
         ("stiff penalty", "contact at nodes", "element's time step", "loading x 4", "static"),
     ),
     "impact": (
         (0.5, 0.75, 1.0, 1.5, 1.75, 2.0, 2.25, 2.5, 3.0, 3.5, 4.0), (1.5, 2.5), (6.0,),
-        (OURS, "four points", SEED, "plain P1", "mass 1 %", "mass 5 %"),
+        (OURS, "four points", SEED, "plain P1", "mass 1 %", "mass 5 %", "mass 20 %"),
         ("stiff penalty", "kinematic law", "contact at nodes", "element's time step", "rigid"),
     ),
     "plastic-sphere": (
         (0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0), (1.5, 2.5), (6.0,),
-        (OURS, "four points", SEED, "plain P1", "mass 1 %", "mass 5 %"),
+        (OURS, "four points", SEED, "plain P1", "mass 1 %", "mass 5 %", "mass 20 %"),
         ("stiff penalty", "contact at nodes", "element's time step", "loading x 2", "loading x 4",
          "static"),
     ),
     "oedometer": (
         (0.8, 0.5, 0.35, 0.25), (0.5,), (0.2,),
-        (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %"),
+        (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %", "mass 20 %"),
         ("stiff penalty", "kinematic law", "element's time step", "loading x 2", "loading x 4",
          "mass 5 %, loading x 2", "rigid", "elastic", "auto", "another rounding"),
     ),
     "jammed": (
         (1.0, 0.7, 0.5, 0.35), (0.5,), (0.25,),
-        (OURS, SEED, "plain P1", "kinematic law", "mass 1 %", "mass 5 %",
+        (OURS, SEED, "plain P1", "kinematic law", "mass 1 %", "mass 5 %", "mass 20 %",
          "kinematic law, loading x 2", "mass 5 %, loading x 2"),
         ("stiff penalty", "element's time step", "loading x 2", "loading x 4", "rigid",
          "elastic", "auto", "another rounding"),
     ),
     "cylinder-wall": (
         (1.0, 1.5, 2.0, 2.5, 3.5), (), (),
-        (OURS, "plain P1", "mass 1 %", "mass 5 %", "static"), (),
+        (OURS, "plain P1", "mass 1 %", "mass 5 %", "mass 20 %", "static"), (),
     ),
     "tool": (
         (1.0, 1.5, 2.0, 2.5), (), (3.5,),
-        (OURS, "plain P1", "mass 1 %", "mass 5 %", "static"), (),
+        (OURS, "plain P1", "mass 1 %", "mass 5 %", "mass 20 %", "static"), (),
     ),
     "membrane": (
         (2.0, 1.0, 0.5), (), (0.25,), (OURS, "plain P1", "one layer", "mass 1 %", "mass 5 %"), (),
     ),
     "sample": (
         (5.0, 7.0, 10.0), (5.0, 7.0, 10.0, 14.0), (14.0,), (SEED, "plain P1"),
-        (OURS, "elastic", "sample 2", "sample 3"),
+        (OURS, "mass 20 %", "elastic", "sample 2", "sample 3"),
     ),
 }  # fmt: skip
 
