@@ -15,6 +15,7 @@
 #define MEAN_PRESSURE 2.8
 #define TABOR 0.2
 #define CLOSE 1e-10     /* part of a depth to which it is found */
+#define LAST 1e-5       /* its last change by Newton's method, whose error is squared: √CLOSE */
 #define ROUNDING 1.2e-7 /* part that rounding to single precision takes */
 
 /* Bodies that yield. At an offset of ``tables`` the number n of points, n plastic strains and n

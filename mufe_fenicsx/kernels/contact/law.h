@@ -264,7 +264,7 @@ INLINE real OF(flow)(OF(flowing_type) * q, truth flows, real b, real depth, real
     const real now = OF(where)((low < next) & (next < high), next, 0.5 * (low + high));
     d = OF(where)(going, now, d);
     over = OF(over_stiffness)(d, q->m) - OF(borne)(q, b + depth - d, &slope, &part);
-    going = going & (OF(size)(d - last) > CLOSE * depth);
+    going = going & (OF(size)(d - last) > LAST * depth);
     low = OF(where)(going & (over < 0.0), d, low);
     high = OF(where)(going & (over >= 0.0), d, high);
   }
