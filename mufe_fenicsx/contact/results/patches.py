@@ -184,9 +184,9 @@ def mean_depth(gaps):
     mean = np.where(high <= 0.0, -gaps.mean(axis=1), 0.0)
     # A corner below zero cuts a pyramid from the prism, and so does one above.
     one, two = (low < 0.0) & (middle >= 0.0), (middle < 0.0) & (high > 0.0)
-    cut = -(low**3), 3.0 * (middle - low) * (high - low)
+    cut = -low * low * low, 3.0 * (middle - low) * (high - low)
     np.divide(*cut, out=mean, where=one)
-    rest = high**3, 3.0 * (high - low) * (high - middle)
+    rest = high * high * high, 3.0 * (high - low) * (high - middle)
     above = np.divide(*rest, out=np.zeros_like(mean), where=two)
     return np.where(two, above - gaps.mean(axis=1), mean)
 
