@@ -217,7 +217,21 @@ class Specimen(Stateful):
     def energy_columns(self):
         """Keys of :meth:`energies` by added terms."""
         pairs = zip(self.added_terms, self.first_energies, strict=True)
-        return [f"energy_{term.name}" for term, first in pairs if not np.isnan(first)]
+        whole = [f"energy_{term.name}" for term, first in pairs if not np.isnan(first)]
+        return [*whole, *self._parts_of_energies()]
+
+    def _parts_of_energies(self):
+        """Shares of the energies of added terms on this rank [J], by name. Local."""
+        return {
+            f"{term.name}_{name}": value
+            for term in self.added_terms
+            for name, value in self.ask(term, "parts_of_energy", self.state).items()
+        }
+
+    @property
+    def opening_terms(self):
+        """Added terms that have facets open between cells."""
+        return [term for term in self.terms if term.opens]
 
     def start(self):
         """Forces of the initial state; overlaps there are accepted. Collective."""
@@ -360,13 +374,15 @@ class Specimen(Stateful):
             if not np.isnan(first):
                 local[f"energy_{term.name}"] = self.ask(term, "energy", self.state) - first
         local["work"] = self.work()
-        local_sums = np.array([*local.values(), self.initial_kinetic, dents, num_contacts])
-        *values, initial, dents, number = self.comm.allreduce(local_sums)
+        parts = self._parts_of_energies()
+        local_sums = [*parts.values(), *local.values(), self.initial_kinetic, dents, num_contacts]
+        *values, initial, dents, number = self.comm.allreduce(np.array(local_sums))
+        parts, values = dict(zip(parts, values, strict=False)), values[len(parts) :]
         work = values[-1]
         total = dict(zip(local, values, strict=True))
         total["residual"] = initial + work - np.sum(values[:-1])
         total["plastic_dents"] = dents
-        return total, int(number)
+        return total | parts, int(number)
 
     def num_active_grains(self):
         """Grains with at least one closed contact, sleeves and tools left out. Collective."""

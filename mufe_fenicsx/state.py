@@ -136,6 +136,7 @@ class ForceTerm(Stateful):
 
     name = ""  #: of the term, in messages and in the energy balance
     mesh: Any = None  #: :class:`~mufe_fenicsx.mesh.GrainMesh` whose nodes it means; None: of any
+    opens = False  #: whether it has facets open between cells, by :meth:`facets_to_open`
 
     def begin_forces(self, f, state, dt):
         """First half: send what others need, add what needs no other rank. May be collective."""
@@ -161,6 +162,14 @@ class ForceTerm(Stateful):
 
     def energy(self, state):
         """Energy that the term has stored [J] on this rank, None where it has none. Local."""
+        return None
+
+    def parts_of_energy(self, state):
+        """Shares of :meth:`energy` that figures want to tell apart [J], by name. Local."""
+        return {}
+
+    def facets_to_open(self, state):
+        """Pairs of cells of this rank whose facet opens, None for none on any rank. Collective."""
         return None
 
     def stiffness(self, state):
@@ -205,6 +214,14 @@ class ForceTerm(Stateful):
             for name, values in kept.get(place, {}).items():
                 setattr(self, name, values)
         self.load_tables(tables)
+
+    def part(self, before, after):
+        """Add to the forces of a mesh that has grown what holds parts of nodes together. Local.
+
+        Args:
+            before, after: :class:`~mufe_fenicsx.specimen.Specimen` before and after the growth,
+                with the forces of all others in ``after.f``.
+        """
 
     def tables(self):
         """Tables that a checkpoint keeps: {name: {column: array}}, one row a thing. Local.

@@ -90,6 +90,8 @@ def carry_over(old, new):
     inner = _internal_forces(new)
     changed = (share != 1.0) | (inner != inner_before).any(axis=1)
     sp.f += inner - inner_before
+    for term in sp.added_terms:
+        term.part(old.specimen, sp)
     sp.f[sp.glued.nodes] = 0.0
     sp.mirrors.project(sp.f)
     new.state.a[changed] = sp.f[changed] / new.solid.mass[changed, None]

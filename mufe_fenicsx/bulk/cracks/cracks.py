@@ -1,0 +1,288 @@
+"""Grains that break: facets between cells open, soften, and rub where they are pressed."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...contact.stiffness.springs import SpringList, Springs
+from ...contact.surface.exchange import SurfaceVector
+from ...errors import raise_together
+from ...kernels.cracks.cracks import ENERGIES, POINT, CrackForces
+from ...materials.auto import Auto
+from ...materials.rigid import Rigid
+from ...state import ForceTerm
+from .facets import Facets
+from .parting import first_tractions
+
+
+class Event(NamedTuple):
+    """Facets of a grain that opened in one look."""
+
+    time: float  #: [s]
+    grain: int  #: its label
+    place: np.ndarray  #: their middle [m], shape (3,)
+    area: float  #: [m²]
+    mode: str  #: "tension" or "shear", what bears more
+    energy: float  #: that it takes to open them [J]
+
+
+#: Steps from one look for facets that open to the next.
+STEPS_BETWEEN_LOOKS = 4
+#: Least stiffness of a point over E/h of the cells beside it.
+SOFTEST = 0.25
+
+
+class Cracks(ForceTerm):
+    """Extrinsic cohesive facets (M. Ortiz, A. Pandolfi, IJNME 44, 1999). Collective.
+
+    Nothing acts until a facet opens. From then on each of its corners whose node has parted is a
+    point that bears the law of kernels/cracks/law.h. The first tractions are such that all parts of
+    a node go on with the same acceleration (K. D. Papoulia, C.-H. Sam, S. A. Vavasis, IJNME 58,
+    2003).
+
+    Args:
+        specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
+        fracture: :class:`~mufe_fenicsx.materials.fracture.Fracture`.
+
+    Attributes:
+        facets: :class:`~.facets.Facets` that may open.
+        strength: Of each [Pa], inf of those that are open, shape (num_facets,).
+        opened: Rows of the open ones, increasing, shape (num_opened,).
+        points: What their corners keep, of type POINT, shape (num_opened, 3).
+        events: What opened since the last :meth:`take_events`.
+
+    Raises:
+        InputError: A grain is rigid, or there is a membrane; on all ranks.
+    """
+
+    name = "cracks"
+    opens = True
+
+    def __init__(self, specimen, fracture):
+        self.fracture, self.comm = fracture, specimen.comm
+        raise_together(self.comm, _what_cannot_break(specimen))
+        self.mesh, solid = specimen.mesh, specimen.solid
+        self.facets = facets = Facets(self.mesh, solid.volume0)
+        self._E = np.array([m.E for m in solid.materials])[facets.grain]
+        label, grain = self.mesh.labels[self.mesh.grains], self.mesh.grains[facets.grain]
+        names = np.column_stack([label[facets.grain], facets.name])
+        self.strength = fracture.strengths(names, facets.volume, facets.height, self._E)
+        friction = specimen.contact.friction
+        rows = friction.rows(grain, grain)
+        self._friction = friction.coefficients[rows if rows.size else np.zeros_like(grain), 0]
+        self.opened, self.points = np.empty(0, dtype=np.int64), np.zeros((0, 3), POINT)
+        self.any = False  #: whether a facet is open on some rank
+        self.events = []
+        self._follow(specimen.solid)
+
+    # --- which facets are open ------------------------------------------------------------
+
+    def _open(self, rows):
+        """Take facets into the list of open ones. Local."""
+        before, points = self.opened, self.points
+        self.opened = np.union1d(before, rows)
+        self.points = np.zeros((self.opened.size, 3), POINT)
+        self.points[np.searchsorted(self.opened, before)] = points
+        new, strength = np.searchsorted(self.opened, rows), self.strength[rows]
+        for name, values in (
+            ("strength", strength),
+            ("ultimate", 2.0 * self.fracture.energy / strength),
+            ("stiffness", self._E[rows] / self.facets.height[rows]),
+        ):
+            self.points[name][new] = values[:, None]
+        self.strength[rows] = np.inf
+
+    def _follow(self, solid):
+        """Take nodes and cells of the mesh as they are now. Local."""
+        self._solid, facets, shear = solid, self.facets, self.fracture.shear_ratio
+        weakest = np.full(self.mesh.num_cells, np.inf)
+        for side in facets.across.T:
+            np.minimum.at(weakest, side, self.strength)
+        self._search = facets.search(
+            self.mesh, solid.volume0, self.strength, weakest, shear, solid.element == "averaged"
+        )
+        self._nodes, area = facets.nodes(self.mesh, self.opened), facets.area[self.opened]
+        self._area, friction = area / 3.0, self._friction[self.opened]
+        self._forces = CrackForces(self._nodes, area, friction, self.points, shear)
+
+    def facets_to_open(self, state):
+        """Pairs of cells whose facets open now, None where none does on any rank. Collective."""
+        if state.num_steps % STEPS_BETWEEN_LOOKS:
+            return None
+        rows = self._search(state.deviator, self._solid.pressure, state.x)
+        if not self.comm.allreduce(rows.size):
+            return None
+        self.any = True
+        self._note(rows, state)
+        self._open(rows)
+        self._follow(self._solid)
+        return self.facets.across[rows]
+
+    def _tractions(self, rows, state):
+        """Tractions on first sides of facets, of the stress of both cells [Pa], (n, 3). Local."""
+        across, solid = self.facets.across[rows], self._solid
+        stress = np.zeros((rows.size, 6))
+        for side in across.T:
+            stress += solid.volume0[side][:, None] * solid.stress(state, side)
+        stress /= solid.volume0[across].sum(axis=1)[:, None]
+        a, b, c = state.x[self.facets.nodes(self.mesh, rows)[:, :3]].transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a)
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        whole = stress[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
+        return np.einsum("nij,nj->ni", whole, normal), normal
+
+    # --- forces ---------------------------------------------------------------------------
+
+    def add_forces(self, f, state, dt):
+        """Add the forces on both sides of open facets. Local."""
+        if self.opened.size:
+            self._forces.add(f, state.x, state.v, dt)
+
+    def act_on_rigid(self, rigid, state):
+        """Tools do not break."""
+
+    def energy(self, state):
+        """Stored and lost in open facets [J]. Local."""
+        return float(self._forces.energies(state.x).sum())
+
+    def parts_of_energy(self, state):
+        """What of that is stored no more [J], by name. Local."""
+        return dict(zip(ENERGIES, self._forces.energies(state.x), strict=True))
+
+    def springs(self, state, margin):
+        """Springs of points that are pressed or can be, as stiff as they are now. Collective."""
+        if not self.any:
+            return None
+        which = np.flatnonzero(self.points["open"].ravel() > 0.0)
+        p, pair = self.points.ravel()[which], self._nodes.reshape(-1, 2, 3).swapaxes(1, 2)
+        pair, area = pair.reshape(-1, 2)[which], np.repeat(self._area, 3)[which]
+        at, place = np.unique(pair, return_inverse=True)
+        listed = SpringList.empty(which.size, 2)
+        listed.nodes[:] = place.reshape(-1, 2)
+        listed.share[:] = [1.0, -1.0]
+        x = state.x[self._nodes].reshape(-1, 2, 3, 3).mean(axis=1)
+        normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        listed.normal[:] = np.repeat(normal, 3, axis=0)[which]
+        listed.kn[:] = area * p["stiffness"]
+        d0 = p["strength"] / p["stiffness"]
+        whole = 1.0 - np.minimum((p["furthest"] - d0) / p["ultimate"], 1.0)
+        across = self.fracture.shear_ratio**2 * p["strength"] * whole / p["furthest"]
+        listed.kt[:] = area * np.maximum(across, p["stiffness"])
+        none = np.empty(0, dtype=np.int64)
+        moves, forces = (SurfaceVector(self.comm, at.size, none) for _ in range(2))
+        return Springs(at.astype(np.int32), (listed,), moves, forces)
+
+    # --- growth ---------------------------------------------------------------------------
+
+    def grow(self, mesh, share):
+        """Wait for :meth:`part`. Local."""
+
+    def part(self, before, after):
+        """Points whose node has parted bear what holds its parts together. Local.
+
+        Args:
+            before, after: :class:`~mufe_fenicsx.specimen.Specimen` of the mesh before, and of that
+                which has grown, whose forces lack only those of cracks.
+        """
+        old, new, source = before.state, after.state, after.mesh.source.nodes
+        held = np.zeros_like(old.x)
+        self.add_forces(held, old, 0.0)
+        closed = self.points["open"].ravel() == 0.0
+        guess = self._tractions(self.opened, old)[0]
+        self.mesh = after.mesh
+        self._follow(after.solid)
+        share = after.solid.mass / before.solid.mass[source]
+        after.f -= share[:, None] * held[source]
+        self.add_forces(after.f, new, 0.0)
+        sides = self._nodes.reshape(-1, 2, 3)
+        apart = (sides[:, 0] != sides[:, 1]).ravel()
+        which = np.flatnonzero(closed & apart)
+        if not which.size:
+            return
+        one, other = sides[:, 0].ravel()[which], sides[:, 1].ravel()[which]
+        area, mass = np.repeat(self._area, 3)[which], after.solid.mass
+        traction = first_tractions(one, other, area, guess[which // 3], after.f, mass)
+        self._stiffen(which, one, other, area, mass, new.dt)
+        self._forces.begin(which, traction, new.x)
+        bears = area[:, None] * traction
+        np.add.at(after.f, one, bears)
+        np.subtract.at(after.f, other, bears)
+
+    def _stiffen(self, which, one, other, area, mass, dt):
+        """Give new points their stiffness and damper. Local.
+
+        k is E/h of the cells beside, but where few cells hang on a node what the present step
+        allows, if that is not below :data:`SOFTEST`. The damper is a part of the critical one of
+        the pair of nodes with all these springs.
+        """
+        at_node = np.zeros(mass.size)
+        for side in (one, other):
+            np.add.at(at_node, side, area)
+        reduced = 1.0 / (1.0 / mass[one] + 1.0 / mass[other])
+        per_area = reduced / np.maximum(at_node[one], at_node[other])
+        points = self.points.reshape(-1)
+        k = points["stiffness"][which]
+        allowed = per_area / (max(self.fracture.shear_ratio, 1.0) * dt) ** 2
+        k = np.minimum(k, np.maximum(allowed, SOFTEST * k))
+        points["stiffness"][which] = k
+        points["damper"][which] = 2.0 * self.fracture.damping * np.sqrt(k * per_area)
+
+    # --- what is kept ---------------------------------------------------------------------
+
+    def tables(self):
+        """Open facets and their points."""
+        f, rows = self.facets, self.opened
+        names = {"cell": f.name[rows, 0], "across": f.name[rows, 1]}
+        points = {name: self.points[name].copy() for name in POINT.names}
+        return {"facets": {"grain": self.mesh.grains[f.grain[rows]]} | names | points}
+
+    def load_tables(self, tables):
+        """Become what :meth:`tables` told. Collective."""
+        table = tables["facets"]
+        local = np.searchsorted(self.mesh.grains, table["grain"])
+        names = np.column_stack([table["cell"], table["across"]])
+        rows = self.facets.rows_of(local, names)
+        self.opened, order = np.sort(rows), np.argsort(rows)
+        self.points = np.zeros((rows.size, 3), POINT)
+        for name in POINT.names:
+            self.points[name] = table[name][order]
+        self.strength[rows] = np.inf
+        self.any = self.comm.allreduce(rows.size) > 0
+        self._follow(self._solid)
+
+    def _note(self, rows, state):
+        """Note what opens, grain by grain. Local."""
+        t, normal = self._tractions(rows, state)
+        facets, area = self.facets, self.facets.area[rows]
+        along = np.maximum(np.einsum("ni,ni->n", t, normal), 0.0)
+        across = np.linalg.norm(np.cross(t, normal), axis=1) / self.fracture.shear_ratio
+        place = state.x[facets.nodes(self.mesh, rows)[:, :3]].mean(axis=1)
+        grain = facets.grain[rows]
+        for k in np.unique(grain):
+            mine = grain == k
+            total = area[mine].sum()
+            self.events.append(
+                Event(
+                    state.t, int(self.mesh.labels[self.mesh.grains[k]]),
+                    area[mine] @ place[mine] / total, total,
+                    "tension" if along[mine].sum() > across[mine].sum() else "shear",
+                    self.fracture.energy * total,
+                )
+            )  # fmt: skip
+
+    def take_events(self):
+        """What opened on any rank since the last call, by time and grain. Collective."""
+        found, self.events = self.comm.allgather(self.events), []
+        return sorted((e for some in found for e in some), key=lambda e: (e.time, e.grain))
+
+
+def _what_cannot_break(specimen):
+    """The line for what keeps grains from breaking, or None. Local."""
+    mesh = specimen.mesh
+    if mesh.sleeves:
+        return f"membrane {mesh.sleeves[0]} beside grains that break, expected none"
+    for grain, material in zip(mesh.grains, specimen.solid.materials, strict=True):
+        if isinstance(material, Rigid | Auto) and grain < mesh.num_sample_grains:
+            return f"{mesh.name_of(grain)} is rigid, expected grains that deform with fracture"
+    return None

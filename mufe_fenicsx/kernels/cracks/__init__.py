@@ -1,0 +1,1 @@
+"""Loops over facets that open."""

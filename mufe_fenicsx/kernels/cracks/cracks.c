@@ -1,0 +1,205 @@
+/* Forces on opened facets, and facets that are strained enough to open; described in
+   kernels/cracks/cracks.py. */
+
+#include <stdint.h>
+#include <string.h>
+
+#include "law.h"
+
+/* A failed point so many times the root of its facet's area away from its partner is alone. */
+#define REACH 0.5
+
+/* In the order of kernels/cracks/cracks.py. */
+typedef struct {
+  const int32_t *nodes; /* of the three corners on one side, then on the other */
+  const double *area, *friction;
+  point_type *points; /* three a facet */
+} cracks_type;
+
+/* Rows: normal, and two directions across it; of the mean of both sides. */
+static void frame_of(double frame[3][3], const double *x, const int32_t *node) {
+  double e[2][3], *n = frame[0];
+  for (int k = 0; k < 2; k++)
+    for (int j = 0; j < 3; j++)
+      e[k][j] = x[3 * node[k + 1] + j] + x[3 * node[k + 4] + j] - x[3 * node[0] + j] - x[3 * node[3] + j];
+  n[0] = e[0][1] * e[1][2] - e[0][2] * e[1][1];
+  n[1] = e[0][2] * e[1][0] - e[0][0] * e[1][2];
+  n[2] = e[0][0] * e[1][1] - e[0][1] * e[1][0];
+  memcpy(frame[1], e[0], sizeof e[0]);
+  for (int k = 0; k < 2; k++) {
+    const double *a = frame[k], length = sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
+    for (int j = 0; j < 3; j++) frame[k][j] /= length;
+  }
+  frame[2][0] = n[1] * frame[1][2] - n[2] * frame[1][1];
+  frame[2][1] = n[2] * frame[1][0] - n[0] * frame[1][2];
+  frame[2][2] = n[0] * frame[1][1] - n[1] * frame[1][0];
+}
+
+/* Stretch of a point in its frame. */
+static void stretch_of(double w[3], const point_type *p, double frame[3][3], const double *x,
+                       int32_t one, int32_t other) {
+  for (int k = 0; k < 3; k++) {
+    w[k] = p->start[k];
+    for (int j = 0; j < 3; j++) w[k] += frame[k][j] * (x[3 * other + j] - x[3 * one + j]);
+  }
+}
+
+/* A failed point that has come far from its partner has lost it. */
+static int is_lost(const point_type *p, const double w[3], double reach) {
+  return has_failed(p) && square(w[0]) + square(w[1]) + square(w[2]) > square(reach);
+}
+
+void mufe_add_cracks(const cracks_type *c, double shear, const double *x, const double *v, double *f,
+                     double dt, int64_t num) {
+  const law_type law = {shear};
+  for (int64_t i = 0; i < num; i++) {
+    const int32_t *node = c->nodes + 6 * i;
+    double frame[3][3], w[3], t[3];
+    int known = 0;
+    for (int k = 0; k < 3; k++) {
+      point_type *kept = c->points + 3 * i + k, p = *kept;
+      if (p.open <= 0.0) continue;
+      if (!known++) frame_of(frame, x, node);
+      const int32_t one = node[k], other = node[3 + k];
+      stretch_of(w, &p, frame, x, one, other);
+      if (dt > 0.0 && is_lost(&p, w, REACH * sqrt(c->area[i]))) {
+        /* What its springs hold is counted as rubbed off; it bears no more. */
+        kept->rubbed += stored(&p, law, w);
+        kept->open = -1.0;
+        continue;
+      }
+      bear(t, &p, law, c->friction[i], w);
+      const double damper = p.furthest > first_opening(&p) && !has_failed(&p) ? p.damper : 0.0;
+      const double weight = c->area[i] / 3.0;
+      for (int j = 0; j < 3; j++) {
+        const double speed = v[3 * other + j] - v[3 * one + j], before = p.drag[j];
+        if (dt > 0.0) p.drag[j] = damper * speed;
+        p.damped += 0.5 * dt * speed * (before + p.drag[j]);
+        const double force =
+            weight * (t[0] * frame[0][j] + t[1] * frame[1][j] + t[2] * frame[2][j] + p.drag[j]);
+        f[3 * one + j] += force;
+        f[3 * other + j] -= force;
+      }
+      if (dt > 0.0) *kept = p;
+    }
+  }
+}
+
+/* ``found``: sums of stored, fractured, rubbed and damped energy [J]. */
+void mufe_crack_energies(const cracks_type *c, double shear, const double *x, double *found, int64_t num) {
+  const law_type law = {shear};
+  for (int64_t i = 0; i < num; i++) {
+    double frame[3][3], w[3];
+    frame_of(frame, x, c->nodes + 6 * i);
+    for (int k = 0; k < 3; k++) {
+      const point_type *p = c->points + 3 * i + k;
+      const double weight = c->area[i] / 3.0;
+      if (p->open == 0.0) continue;
+      stretch_of(w, p, frame, x, c->nodes[6 * i + k], c->nodes[6 * i + 3 + k]);
+      if (p->open > 0.0) found[0] += weight * stored(p, law, w);
+      found[1] += weight * fractured(p, law);
+      found[2] += weight * p->rubbed;
+      found[3] += weight * p->damped;
+    }
+  }
+}
+
+/* Points begin to bear a traction [Pa] of three global components each, row after row. */
+void mufe_begin_cracks(const cracks_type *c, double shear, const double *x, const int64_t *which,
+                       const double *traction, int64_t num) {
+  const law_type law = {shear};
+  for (int64_t m = 0; m < num; m++) {
+    const int64_t i = which[m] / 3;
+    point_type *p = c->points + which[m];
+    double frame[3][3], t[3];
+    frame_of(frame, x, c->nodes + 6 * i);
+    for (int k = 0; k < 3; k++) {
+      t[k] = 0.0;
+      for (int j = 0; j < 3; j++) t[k] += frame[k][j] * traction[3 * m + j];
+    }
+    p->start[0] = t[0] / p->stiffness;
+    for (int k = 1; k < 3; k++) p->start[k] = t[k] / (square(shear) * p->stiffness);
+    /* What bears more than its strength softens from there on, with the same energy. */
+    const double now = effective(law, p->start) * p->stiffness;
+    if (now > p->strength) {
+      p->ultimate *= p->strength / now;
+      p->strength = now;
+    }
+    p->furthest = first_opening(p);
+    p->open = 1.0;
+  }
+}
+
+/* --- facets that open -------------------------------------------------------------------- */
+
+/* In the order of kernels/cracks/cracks.py. */
+typedef struct {
+  const int32_t *cells;    /* nodes of cells */
+  const double *volume;    /* first volumes of cells */
+  const double *weakest;   /* least strength of the facets of each cell that are closed, inf: none */
+  const int32_t *across;   /* cells on both sides of a facet */
+  const uint8_t *corner;   /* corners of the first cell that are those of the facet */
+  const double *strength;  /* of the facets; inf: open, or never opens */
+  uint8_t *near;           /* scratch of cells */
+  int64_t *found;          /* facets that open */
+} facets_type;
+
+/* What no plane exceeds in effective traction, squared; s: xx yy zz xy yz xz of a deviator. */
+static double bound_of(const double *s, double mean, double shear) {
+  const double q = sqrt(1.5 * (square(s[0]) + square(s[1]) + square(s[2])) +
+                        3.0 * (square(s[3]) + square(s[4]) + square(s[5])));
+  return square(positive(mean + q * (2.0 / 3.0))) + square(q / shear) / 3.0;
+}
+
+static double mean_of(const facets_type *m, const double *pressure, int64_t c, int averaged) {
+  const int32_t *n = m->cells + 4 * c;
+  if (!averaged) return pressure[c];
+  return 0.25 * (pressure[n[0]] + pressure[n[1]] + pressure[n[2]] + pressure[n[3]]);
+}
+
+/* Stress of a cell times its volume, added. */
+static void add_stress(double sum[6], const facets_type *m, const double *deviator,
+                       const double *pressure, int64_t c, int averaged) {
+  const double mean = mean_of(m, pressure, c, averaged);
+  for (int k = 0; k < 6; k++)
+    sum[k] += m->volume[c] * (deviator[6 * c + k] + (k < 3 ? mean : 0.0));
+}
+
+/* Facets whose effective traction has reached their strength, into ``found``; returns how many. */
+int64_t mufe_find_strained(const facets_type *m, const double *deviator, const double *pressure,
+                           const double *x, double shear, int64_t num_cells, int64_t num_facets,
+                           int averaged) {
+  int64_t some = 0, count = 0;
+  for (int64_t c = 0; c < num_cells; c++) {
+    const double bound = bound_of(deviator + 6 * c, mean_of(m, pressure, c, averaged), shear);
+    m->near[c] = bound >= square(m->weakest[c]);
+    some += m->near[c];
+  }
+  if (!some) return 0;
+  for (int64_t i = 0; i < num_facets; i++) {
+    const int32_t a = m->across[2 * i], b = m->across[2 * i + 1];
+    if (!(m->near[a] | m->near[b]) || m->strength[i] == INFINITY) continue;
+    double s[6] = {0.0}, n[3], t[3], e[2][3];
+    add_stress(s, m, deviator, pressure, a, averaged);
+    add_stress(s, m, deviator, pressure, b, averaged);
+    const int32_t *cell = m->cells + 4 * a;
+    const uint8_t *corner = m->corner + 3 * i;
+    for (int k = 0; k < 2; k++)
+      for (int j = 0; j < 3; j++)
+        e[k][j] = x[3 * cell[corner[k + 1]] + j] - x[3 * cell[corner[0]] + j];
+    n[0] = e[0][1] * e[1][2] - e[0][2] * e[1][1];
+    n[1] = e[0][2] * e[1][0] - e[0][0] * e[1][2];
+    n[2] = e[0][0] * e[1][1] - e[0][1] * e[1][0];
+    t[0] = s[0] * n[0] + s[3] * n[1] + s[5] * n[2];
+    t[1] = s[3] * n[0] + s[1] * n[1] + s[4] * n[2];
+    t[2] = s[5] * n[0] + s[4] * n[1] + s[2] * n[2];
+    const double size = square(n[0]) + square(n[1]) + square(n[2]);
+    const double normal = (t[0] * n[0] + t[1] * n[1] + t[2] * n[2]);
+    const double all = square(t[0]) + square(t[1]) + square(t[2]);
+    const double across = positive(all * size - square(normal));
+    const double reached = square(positive(normal)) + across / square(shear);
+    const double limit = m->strength[i] * size * (m->volume[a] + m->volume[b]);
+    if (reached >= square(limit)) m->found[count++] = i;
+  }
+  return count;
+}

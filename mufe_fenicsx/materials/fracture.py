@@ -1,0 +1,85 @@
+"""How grains break: strength and fracture energy of facets between their cells."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..units import REQUIRED, check_keys, setting
+
+#: Facets that a cohesive zone wants.
+IN_ZONE = 3.0
+
+
+@dataclass(frozen=True)
+class Fracture:
+    """[fracture]: grains break along facets between their cells."""
+
+    strength: float = setting(REQUIRED, "Pa", "tensile strength of a facet", gt=0)
+    energy: float = setting(REQUIRED, "J/m^2", "to open a crack, over its area", gt=0)
+    shear_ratio: float = setting(
+        2.0, "-", "shear strength over tensile strength", gt=0, plausible=(0.1, 100.0)
+    )
+    modulus: float | None = setting(
+        None, "-", "Weibull modulus of the strengths of facets; None: all alike", gt=1
+    )
+    reference_volume: float | None = setting(
+        None, "m^3", "that has the strength with modulus; None: of each facet", gt=0
+    )
+    seed: int = setting(0, "", "of the random strengths", ge=0, plausible=(0, 2**63 - 1))
+    lower_strength: bool = setting(
+        False, "", "where the mesh is too coarse for the energy, lower the strength to keep it"
+    )
+    damping: float = setting(
+        0.07, "-", "of what softens, over the critical one; less than 0.05 can gain energy",
+        ge=0, lt=0.15,
+    )  # fmt: skip
+
+    def __post_init__(self):
+        check_keys(self)
+        if self.reference_volume is not None and self.modulus is None:
+            raise InputError(
+                f"reference_volume = {self.reference_volume:g}, expected none without modulus"
+            )
+
+    def zone(self, E: float) -> float:
+        """Length of the cohesive zone in a material of Young's modulus E [m]: E G_c/σ²."""
+        return E * self.energy / self.strength**2
+
+    def strengths(self, names: np.ndarray, volume: np.ndarray, edge, E) -> np.ndarray:
+        """Strengths of facets [Pa], shape (num_facets,).
+
+        By Weibull's law a facet of volume V fails below s with the probability
+        1 - exp(-V/V₀ (s/σ)^m). They hang on the seed and their names alone. Where the mesh is
+        lowered for, none exceeds √(E G_c/(3 h)) (Z. P. Bažant, B. H. Oh, Mater. Struct. 16, 1983).
+
+        Args:
+            names: Whole numbers that name the facets, shape (num_facets, n).
+            volume: V, a quarter of both cells [m³], shape (num_facets,).
+            edge: Of facets [m], shape (num_facets,).
+            E: Young's moduli [Pa], shape (num_facets,).
+        """
+        found = np.full(len(names), self.strength)
+        if self.modulus is not None:
+            share = 1.0
+            if self.reference_volume is not None:
+                share = volume / self.reference_volume
+            found *= (-np.log(uniform(self.seed, names)) / share) ** (1.0 / self.modulus)
+        if self.lower_strength:
+            np.minimum(found, np.sqrt(E * self.energy / (IN_ZONE * edge)), out=found)
+        return found
+
+
+def uniform(seed: int, names: np.ndarray) -> np.ndarray:
+    """A random number in (0, 1) of each row of whole numbers, by itself alone, shape (n,).
+
+    Source: G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014 (SplitMix64), a round for each column.
+    """
+    with np.errstate(over="ignore"):
+        z = np.full(len(names), np.uint64(seed))
+        for column in np.asarray(names, dtype=np.uint64).T:
+            z = (z ^ column) + np.uint64(0x9E3779B97F4A7C15)
+            z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+            z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+            z = z ^ (z >> np.uint64(31))
+    return ((z >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
