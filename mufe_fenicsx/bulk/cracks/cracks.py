@@ -112,8 +112,19 @@ class Cracks(ForceTerm):
         rows = self._search(state.deviator, self._solid.pressure, state.x)
         if not self.comm.allreduce(rows.size):
             return None
-        self.any = True
         self._note(rows, state)
+        return self.declare_open(rows)
+
+    def declare_open(self, rows):
+        """Take closed facets for open, which the mesh opens next. Collective.
+
+        Args:
+            rows: Those of this rank, increasing, shape (n,).
+
+        Returns:
+            Pairs of their cells, as of :meth:`~mufe_fenicsx.mesh.GrainMesh.grow`, shape (n, 2).
+        """
+        self.any = self.any or self.comm.allreduce(rows.size) > 0
         self._open(rows)
         self._follow(self._solid)
         return self.facets.across[rows]
@@ -223,8 +234,9 @@ class Cracks(ForceTerm):
         per_area = reduced / np.maximum(at_node[one], at_node[other])
         points = self.points.reshape(-1)
         k = points["stiffness"][which]
-        allowed = per_area / (max(self.fracture.shear_ratio, 1.0) * dt) ** 2
-        k = np.minimum(k, np.maximum(allowed, SOFTEST * k))
+        if dt > 0.0:
+            allowed = per_area / (max(self.fracture.shear_ratio, 1.0) * dt) ** 2
+            k = np.minimum(k, np.maximum(allowed, SOFTEST * k))
         points["stiffness"][which] = k
         points["damper"][which] = 2.0 * self.fracture.damping * np.sqrt(k * per_area)
 

@@ -68,8 +68,8 @@ void mufe_add_cracks(const cracks_type *c, double shear, const double *x, const 
         kept->open = -1.0;
         continue;
       }
+      const double damper = viscosity(&p, law, w);
       bear(t, &p, law, c->friction[i], w);
-      const double damper = p.furthest > first_opening(&p) && !has_failed(&p) ? p.damper : 0.0;
       const double weight = c->area[i] / 3.0;
       for (int j = 0; j < 3; j++) {
         const double speed = v[3 * other + j] - v[3 * one + j], before = p.drag[j];
@@ -144,11 +144,15 @@ typedef struct {
   int64_t *found;          /* facets that open */
 } facets_type;
 
-/* What no plane exceeds in effective traction, squared; s: xx yy zz xy yz xz of a deviator. */
-static double bound_of(const double *s, double mean, double shear) {
-  const double q = sqrt(1.5 * (square(s[0]) + square(s[1]) + square(s[2])) +
-                        3.0 * (square(s[3]) + square(s[4]) + square(s[5])));
-  return square(positive(mean + q * (2.0 / 3.0))) + square(q / shear) / 3.0;
+/* Whether some plane can bear an effective traction of ``least``; s: xx yy zz xy yz xz of a deviator.
+   None bears more than its largest principal stress, at most mean + 2/3 q, and shear q/√3. */
+static inline int can_bear(const double *s, double mean, double shear, double least) {
+  const double q2 = 1.5 * (s[0] * s[0] + s[1] * s[1] + s[2] * s[2]) +
+                    3.0 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5]);
+  const double sheared = q2 / (3.0 * shear * shear);
+  /* First without a root: (a + b)² is at most 2 a² + 2 b². */
+  if (2.0 * mean * mean + q2 * (8.0 / 9.0) + sheared < least * least) return 0;
+  return square(positive(mean + sqrt(q2) * (2.0 / 3.0))) + sheared >= least * least;
 }
 
 static double mean_of(const facets_type *m, const double *pressure, int64_t c, int averaged) {
@@ -171,8 +175,8 @@ int64_t mufe_find_strained(const facets_type *m, const double *deviator, const d
                            int averaged) {
   int64_t some = 0, count = 0;
   for (int64_t c = 0; c < num_cells; c++) {
-    const double bound = bound_of(deviator + 6 * c, mean_of(m, pressure, c, averaged), shear);
-    m->near[c] = bound >= square(m->weakest[c]);
+    const double mean = mean_of(m, pressure, c, averaged);
+    m->near[c] = can_bear(deviator + 6 * c, mean, shear, m->weakest[c]);
     some += m->near[c];
   }
   if (!some) return 0;

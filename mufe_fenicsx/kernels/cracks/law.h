@@ -8,6 +8,9 @@
 
 #include <math.h>
 
+/* Part of the stiffness that is lost from which on all of the damper acts. */
+#define MUCH_SOFTER 0.2
+
 /* What a point keeps; kernels/cracks/cracks.py names it, in this order. Per area of the facet. */
 typedef struct {
   double open;       /* 1 from the parting of its node on, 0 before */
@@ -18,7 +21,7 @@ typedef struct {
   double furthest;   /* D [m] */
   double anchor[2];  /* where the spring of friction is at rest, of what has failed [m] */
   double pull[2];    /* stretch of that spring after the last step [m] */
-  double damper;     /* viscosity while it softens [Pa s/m] */
+  double damper;     /* viscosity of what has softened [Pa s/m] */
   double drag[3];    /* what that bore in the last step [Pa] */
   double rubbed;     /* work of friction [J/m²] */
   double damped;     /* work of the damper [J/m²] */
@@ -46,6 +49,14 @@ static inline double effective(law_type law, const double w[3]) {
 static inline double secant(const point_type *p) {
   if (has_failed(p)) return 0.0;
   return p->strength * (1.0 - softened(p) / p->ultimate) / p->furthest;
+}
+
+/* Viscosity at an opening [Pa s/m]. A point that has softened and opens no further is damped: the kink
+   at w_n = 0, where its stiffness changes, lets explicit steps gain energy. Where little of the
+   stiffness is lost little is enough. Where the point softens, nothing slows it. */
+static inline double viscosity(const point_type *p, law_type law, const double w[3]) {
+  if (has_failed(p) || effective(law, w) >= p->furthest) return 0.0;
+  return p->damper * fmin((1.0 - secant(p) / p->stiffness) / MUCH_SOFTER, 1.0);
 }
 
 /* Traction t [Pa] at an opening w; what the point keeps follows.

@@ -1,0 +1,52 @@
+"""Closed forms of cohesive cracks."""
+
+import math
+
+import numpy as np
+
+
+def linear_softening(opening, strength, energy):
+    """Traction of a facet that opens without a turn [Pa], effective like its opening [m].
+
+        T = σ (1 - δ/δc),  δc = 2 G/σ
+
+    Source: G. T. Camacho, M. Ortiz, Int. J. Solids Struct. 33, 1996, 2899-2938, section 4.
+    """
+    return strength * np.maximum(1.0 - np.asarray(opening) * strength / (2.0 * energy), 0.0)
+
+
+def release_rate_of_beams(half_opening, length, height, E):
+    """Energy release rate of a double cantilever whose arms bend apart [J/m²].
+
+        G = 3 E v² h³/(4 (a + 0.64 h)⁴) (1 + ...)
+
+    For arms of height h that are bent by v each at a distance a from the crack's front; the front
+    turns as if the arms were longer by 0.64 h (M. F. Kanninen, Int. J. Fract. 9, 1973, 83-92).
+    """
+    a = length + 0.64 * height
+    return 0.75 * E * half_opening**2 * height**3 / a**4
+
+
+def fragment_size_grady(rho, rate, energy):
+    """Size of fragments [m] of a ring that expands at a rate of strain [1/s].
+
+        s = (24 G/(ρ ε'²))^(1/3)
+
+    from the kinetic energy of the parts that becomes fracture energy.
+
+    Source: D. E. Grady, J. Appl. Phys. 53, 1982, 322-325.
+    """
+    return (24.0 * energy / (rho * rate**2)) ** (1.0 / 3.0)
+
+
+def fragment_size_zhou(E, rho, rate, energy, strength):
+    """The same of simulations with cohesive points along a bar [m].
+
+        s/s₀ = 4.5/(1 + 0.77 x^(1/4) + 5.4 x^(3/4)),  x = ε'/ε'₀,
+        s₀ = E G/σ²,  ε'₀ = c σ³/(E² G)
+
+    Source: F. Zhou, J.-F. Molinari, K. T. Ramesh, Appl. Phys. Lett. 88, 2006, 261918.
+    """
+    wave = math.sqrt(E / rho)
+    x = rate * E**2 * energy / (wave * strength**3)
+    return E * energy / strength**2 * 4.5 / (1.0 + 0.77 * x**0.25 + 5.4 * x**0.75)
