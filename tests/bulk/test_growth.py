@@ -304,8 +304,13 @@ def test_a_crack_that_ends_in_a_contact_closes_the_balance():
     assert abs(s.energies()["residual"]) < 1e-3 * before["kinetic"]
 
 
-def written(s, folder):
-    """Write a checkpoint; gives what brings another one of :func:`pressed` to it."""
+def pressed_on(mesh, walls):
+    """Such a simulation as of :func:`pressed` on a mesh."""
+    return Simulation(mesh, [YIELDING] * mesh.num_grains, walls, friction=0.3)
+
+
+def written(s, folder, make=pressed_on):
+    """Write a checkpoint; gives what brings another one to it, made by ``make(mesh, walls)``."""
     tables, own, common = snapshot(s)
     ranks = s.mesh.rank_of_grain
     header = {"state": common, "rank_of_grain": ranks.tolist(), "written_by": ranks.tolist()}
@@ -315,8 +320,7 @@ def written(s, folder):
     def go_on(other):
         mesh = other.mesh
         tables, own = read_tables(mesh.comm, checkpoint, mesh.grains, mesh.rank_of_grain)
-        mesh, walls = restore_mesh(mesh, tables), other.walls.walls
-        other = Simulation(mesh, [YIELDING] * mesh.num_grains, walls, friction=0.3)
+        other = make(restore_mesh(mesh, tables), other.walls.walls)
         restore(other, tables, own, common)
         return other
 

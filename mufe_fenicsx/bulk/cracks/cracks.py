@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from ...contact.stiffness.springs import SpringList, Springs
 from ...contact.surface.exchange import SurfaceVector
@@ -55,6 +56,8 @@ class Cracks(ForceTerm):
         InputError: A grain is rigid, or there is a membrane; on all ranks.
     """
 
+    STATE = {"common": ("any", "_element_step")}
+
     name = "cracks"
     opens = True
 
@@ -73,7 +76,8 @@ class Cracks(ForceTerm):
         self.opened, self.points = np.empty(0, dtype=np.int64), np.zeros((0, 3), POINT)
         self.any = False  #: whether a facet is open on some rank
         self.events = []
-        self._follow(specimen.solid)
+        self._element_step = self.comm.allreduce(solid.first_time_step, op=MPI.MIN)
+        self._follow(solid)
 
     # --- which facets are open ------------------------------------------------------------
 
@@ -214,18 +218,18 @@ class Cracks(ForceTerm):
         one, other = sides[:, 0].ravel()[which], sides[:, 1].ravel()[which]
         area, mass = np.repeat(self._area, 3)[which], after.solid.mass
         traction = first_tractions(one, other, area, guess[which // 3], after.f, mass)
-        self._stiffen(which, one, other, area, mass, new.dt)
+        self._stiffen(which, one, other, area, mass)
         self._forces.begin(which, traction, new.x)
         bears = area[:, None] * traction
         np.add.at(after.f, one, bears)
         np.subtract.at(after.f, other, bears)
 
-    def _stiffen(self, which, one, other, area, mass, dt):
+    def _stiffen(self, which, one, other, area, mass):
         """Give new points their stiffness and damper. Local.
 
-        k is E/h of the cells beside, but where few cells hang on a node what the present step
-        allows, if that is not below :data:`SOFTEST`. The damper is a part of the critical one of
-        the pair of nodes with all these springs.
+        k is E/h of the cells beside, but where few cells hang on a node what the step of single
+        elements allows, down to :data:`SOFTEST`. A soft spring gives back more energy where it is
+        unloaded. The damper is a part of the critical one of both nodes with all these springs.
         """
         at_node = np.zeros(mass.size)
         for side in (one, other):
@@ -234,9 +238,8 @@ class Cracks(ForceTerm):
         per_area = reduced / np.maximum(at_node[one], at_node[other])
         points = self.points.reshape(-1)
         k = points["stiffness"][which]
-        if dt > 0.0:
-            allowed = per_area / (max(self.fracture.shear_ratio, 1.0) * dt) ** 2
-            k = np.minimum(k, np.maximum(allowed, SOFTEST * k))
+        allowed = per_area / (max(self.fracture.shear_ratio, 1.0) * self._element_step) ** 2
+        k = np.minimum(k, np.maximum(allowed, SOFTEST * k))
         points["stiffness"][which] = k
         points["damper"][which] = 2.0 * self.fracture.damping * np.sqrt(k * per_area)
 
