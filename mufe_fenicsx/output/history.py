@@ -59,7 +59,7 @@ NEWER_COLUMNS = (
     *("unbalanced_x", "unbalanced_y", "unbalanced_z"),
     *VOIDS,
 )
-TEXT_COLUMNS = ("stage", "wall")
+TEXT_COLUMNS = ("stage", "wall", "mode")
 NUMBERS = {name for each in CONTAINERS.values() for name in history_columns(each)}
 
 

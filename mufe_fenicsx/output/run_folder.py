@@ -22,6 +22,7 @@ OWN_FILES = (
     "scene.toml",
     "run.json",
     "history.csv",
+    "events.csv",
     "quality.csv",
     "quality.png",
     "grains.csv",

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 from mpi4py import MPI
 
+from ..bulk.cracks.cracks import Cracks
 from ..contact.separation import separate
 from ..contact.settings import ContactSettings
 from ..contact.walls import Wall
@@ -289,7 +290,7 @@ def make_simulation(scene, prepared, shorter=1.0):
         from ..implicit.simulation import ImplicitSimulation
 
         make, more = ImplicitSimulation, _increments(scene, prepared.bounds.height, shorter)
-    return make(
+    simulation = make(
         mesh,
         materials_of(scene, mesh),
         [copy(wall) for wall in prepared.walls],  # whose targets may change
@@ -300,6 +301,9 @@ def make_simulation(scene, prepared, shorter=1.0):
         gravity=scene.gravity,
         tools=prepared.tools,
     )
+    if scene.fracture is not None:
+        simulation.add_term(Cracks(simulation.specimen, scene.fracture))
+    return simulation
 
 
 def make_loading(scene, simulation, area, measures=None):

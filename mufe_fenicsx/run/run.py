@@ -273,7 +273,10 @@ class TestRun:
         self.recorder.history.close()
         self.simulation = self.loading = self.recorder = None  # their memory is free now
         partition = checkpoint and partition_of(checkpoint, self.comm)
-        if partition is not None and (partition != self.prepared.mesh.rank_of_grain).any():
+        mesh = self.prepared.mesh
+        if checkpoint is None:  # what has opened since is closed again
+            self.prepared = replace(self.prepared, mesh=replace(mesh, opened=[]))
+        elif self.scene.fracture or (partition != mesh.rank_of_grain).any():
             self.prepared, grains = replace(self.prepared, mesh=None), self.place.grains_folder
             tools, around = self.prepared.tools, sleeve_of(self.scene)
             mesh = load_mesh(self.comm, grains, partition, tools, around)

@@ -31,29 +31,28 @@ def run_time_loop(
         Interrupted: A signal came.
         InputError: A file cannot be written.
     """
-    state = simulation.state
     due, balance_due = _Due(output, loading), EachStrain(INTERVAL, loading)
     with ProgressLine(simulation.comm, loading, quiet) as progress:
         while True:
             if not resumed:  # that step is recorded already
                 recorder.after_step()
-                if state.num_steps == 0:
+                if simulation.state.num_steps == 0:
                     save()  # a disk that fills later leaves the start
             resumed = False
             progress.update(simulation)
             say(simulation.comm, loading.take_notice(), quiet)
             if loading.finished:
                 break
-            if max_steps is not None and state.num_steps >= max_steps:
+            if max_steps is not None and simulation.state.num_steps >= max_steps:
                 save()
                 recorder.write_last_row()
                 return f"max_steps = {max_steps} reached"
             number, by_time = signals()
             if number:
-                raise _interrupted(number, save, state.num_steps, loading.strain)
+                raise _interrupted(number, save, simulation.state.num_steps, loading.strain)
             if balance_due() and balance():
                 return None
-            if by_time or due(state.num_steps):
+            if by_time or due(simulation.state.num_steps):
                 save()
                 signals.saved()
             loading.before_step()

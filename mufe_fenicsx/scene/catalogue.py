@@ -4,6 +4,7 @@ from ..errors import InputError
 from ..geometry.settings import MeshSettings
 from ..materials.auto import Auto
 from ..materials.elastic import Elastic, IsotropicSolid
+from ..materials.fracture import Fracture
 from ..materials.j2 import J2
 from ..materials.rigid import Rigid
 from .image import ImageSettings
@@ -40,6 +41,7 @@ TABLES = {
     "quasi_static": QuasiStatic,
     "mass_scaling": MassScaling,
     "membrane": MembraneSettings,
+    "fracture": Fracture,
     "output": Output,
 }
 

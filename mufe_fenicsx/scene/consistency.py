@@ -24,6 +24,8 @@ def check(scene):
         _check_mass_scaling(scene)
     if scene.solver.integrator != "explicit":
         _check_implicit(scene)
+    if scene.fracture is not None:
+        _check_fracture(scene)
     _check_mirrors(scene)
     _check_rigid(scene)
     _check_walls(scene)
@@ -174,6 +176,27 @@ def _check_mass_scaling(scene):
     ):
         if value != wanted:
             raise InputError(f'{key} = "{value}", expected "{wanted}" with [mass_scaling]')
+
+
+def _check_fracture(scene):
+    """Raise InputError where grains cannot break."""
+    rigid = _first_rigid(scene)
+    if rigid is not None:
+        raise InputError(f"[fracture] is given, expected none for {rigid}, which is rigid")
+    if scene.membrane is not None:
+        raise InputError("[fracture] is given, expected none beside [membrane]")
+    for key, value, wanted in (
+        ("solver.integrator", scene.solver.integrator, "explicit"),
+        ("solver.time_step", scene.solver.time_step, "assembled"),
+        ("contact.law", scene.contact.law, "matched"),
+    ):
+        if value != wanted:
+            raise InputError(f'{key} = "{value}", expected "{wanted}" with [fracture]')
+    if scene.contact.self_contact:
+        raise InputError(
+            "contact.self_contact = true, expected false with [fracture]: the faces of a crack "
+            "have pairs of their own"
+        )
 
 
 def _check_implicit(scene):

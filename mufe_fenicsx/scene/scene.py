@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..geometry.settings import MeshSettings
 from ..machine.notebook import html_table
 from ..materials.elastic import IsotropicSolid
+from ..materials.fracture import Fracture
 from ..materials.scatter import Scatter
 from ..units import check_keys, setting
 from .consistency import check
@@ -60,6 +61,7 @@ class Scene:
     quasi_static: QuasiStatic | None = None  #: None: constant speed
     mass_scaling: MassScaling | None = None  #: None: no mass is added
     membrane: MembraneSettings | None = None  #: around the sample, in place of a cylinder's side
+    fracture: Fracture | None = None  #: None: grains stay whole
     scatter: Scatter | None = None  #: of ``material``; None: all grains alike
     materials: dict[str, Group] = field(default_factory=dict)  #: of grains that differ
     loading: Loading | None = None  #: of a test by stages

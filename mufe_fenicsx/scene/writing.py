@@ -30,7 +30,8 @@ def scene_to_toml(scene: Scene) -> str:
         lines += _write_table(name, getattr(scene, name))
     for name, wall in scene.walls.items():
         lines += _write_table(f"walls.{name}", wall)
-    for name in ("oedometer", "loading", "quasi_static", "mass_scaling", "membrane", "output"):
+    tests = "oedometer", "loading", "quasi_static", "mass_scaling", "membrane"
+    for name in (*tests, "fracture", "output"):
         lines += _write_table(name, getattr(scene, name))
     for name, tables in (("tool", scene.tools), ("stage", scene.stages)):
         for table in tables:

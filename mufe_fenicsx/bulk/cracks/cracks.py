@@ -50,7 +50,8 @@ class Cracks(ForceTerm):
         strength: Of each [Pa], inf of those that are open, shape (num_facets,).
         opened: Rows of the open ones, increasing, shape (num_opened,).
         points: What their corners keep, of type POINT, shape (num_opened, 3).
-        events: What opened since the last :meth:`take_events`.
+        events: What opened on this rank since the last :meth:`take_events`.
+        news: Whether anything did on some rank.
 
     Raises:
         InputError: A grain is rigid, or there is a membrane; on all ranks.
@@ -75,7 +76,7 @@ class Cracks(ForceTerm):
         self._friction = friction.coefficients[rows if rows.size else np.zeros_like(grain), 0]
         self.opened, self.points = np.empty(0, dtype=np.int64), np.zeros((0, 3), POINT)
         self.any = False  #: whether a facet is open on some rank
-        self.events = []
+        self.events, self.news = [], False
         self._element_step = self.comm.allreduce(solid.first_time_step, op=MPI.MIN)
         self._follow(solid)
 
@@ -116,6 +117,7 @@ class Cracks(ForceTerm):
         rows = self._search(state.deviator, self._solid.pressure, state.x)
         if not self.comm.allreduce(rows.size):
             return None
+        self.news = True
         self._note(rows, state)
         return self.declare_open(rows)
 
@@ -288,7 +290,7 @@ class Cracks(ForceTerm):
 
     def take_events(self):
         """What opened on any rank since the last call, by time and grain. Collective."""
-        found, self.events = self.comm.allgather(self.events), []
+        found, self.events, self.news = self.comm.allgather(self.events), [], False
         return sorted((e for some in found for e in some), key=lambda e: (e.time, e.grain))
 
 
