@@ -91,8 +91,10 @@ class StableStep(Stateful):
         super().load_state_dict({"common": common})
         for name, highest in self.frequencies().items():
             highest.num_products = num_products[name]
-            if name in kept.get("nodes", {}):
-                highest.vector = self.rows.packed(kept["nodes"][name], kept["rigid"][name])
+            known = name in kept.get("nodes", {})  # else none was needed so far
+            highest.vector = (
+                self.rows.packed(kept["nodes"][name], kept["rigid"][name]) if known else None
+            )
 
     def destroy(self):
         """Free the PETSc vectors. Collective."""

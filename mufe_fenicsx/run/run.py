@@ -194,7 +194,9 @@ class TestRun:
     def _tell_unusual(self, diameter):
         """Say which values nobody means, and keep that for the report. Collective."""
         sizes = diameter, self.loading.first_height, reach(self.prepared.bounds, self.prepared.mesh)
-        self.summary["unusual"] = [*unusual(self.scene), *relations(self.scene, *sizes)]
+        cracks = self.simulation.specimen.opening_terms
+        coarse = filter(None, [term.coarse_line() for term in cracks])
+        self.summary["unusual"] = [*unusual(self.scene), *relations(self.scene, *sizes), *coarse]
         for line in self.summary["unusual"]:
             say(self.comm, line, self.options.quiet)
 

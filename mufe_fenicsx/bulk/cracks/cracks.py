@@ -10,8 +10,10 @@ from ...contact.surface.exchange import SurfaceVector
 from ...errors import raise_together
 from ...kernels.cracks.cracks import ENERGIES, POINT, CrackForces
 from ...materials.auto import Auto
+from ...materials.fracture import IN_ZONE
 from ...materials.rigid import Rigid
 from ...state import ForceTerm
+from ...units import with_unit
 from .facets import Facets
 from .parting import first_tractions
 
@@ -147,6 +149,19 @@ class Cracks(ForceTerm):
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         whole = stress[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
         return np.einsum("nij,nj->ni", whole, normal), normal
+
+    def coarse_line(self):
+        """A line where the cohesive zone has too few facets of the mesh, or None. Collective."""
+        facets, wanted = self.facets, self.fracture.zone(self._E.min(initial=np.inf)) / IN_ZONE
+        own = np.array([np.sqrt(4.0 / np.sqrt(3.0) * facets.area).sum(), facets.area.size])
+        total, wanted = self.comm.allreduce(own), self.comm.allreduce(wanted, op=MPI.MIN)
+        edge = total[0] / max(total[1], 1.0)
+        if edge <= wanted or self.fracture.lower_strength:
+            return None
+        return (
+            f"edges of the mesh = {with_unit(edge, 'm')}, expected at most {with_unit(wanted, 'm')}: "
+            f"a third of the cohesive zone E·energy/strength² of [fracture]; or lower_strength = true"
+        )
 
     # --- forces ---------------------------------------------------------------------------
 

@@ -1,0 +1,105 @@
+"""`mufe run` of a scene whose grains break."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.materials.fracture import Fracture
+from mufe_fenicsx.materials.rigid import Rigid
+from mufe_fenicsx.output.fields import read_state, read_states
+from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver, load_scene, scene_to_toml
+from tests.bodies import RADIUS, packed_grains
+from tests.checkpoints import arrays
+from tests.run.test_checkpoint import files
+
+COMM = MPI.COMM_WORLD
+SCENE = Scene(
+    material=Elastic(10e9, 0.2, 2650.0),
+    contact=Contact(friction=0.4),
+    oedometer=Oedometer(strain=0.012, speed=20.0, ramp=0.002, seating_stress=1e4),
+    output=Output(fields=3, history=21),
+    fracture=Fracture(8e6, 4.0, modulus=6.0, seed=3),
+)
+
+
+def run(folder, name, scene=SCENE, **options):
+    return run_scene(scene, folder / "grains", folder / name, COMM, quiet=True, **options)
+
+
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory):
+    """A folder with a run of three balls one on the other that break, and the same in two parts."""
+    path = COMM.bcast(tmp_path_factory.mktemp("broken") if COMM.rank == 0 else None)
+    if COMM.rank == 0:
+        save_grains(path / "grains", packed_grains((1, 1, 3), h=0.7 * RADIUS))
+    COMM.Barrier()
+    run(path, "whole")
+    steps = int(read_history(path / "whole" / "history.csv")["step"][-1])
+    run(path, "parts", max_steps=3 * steps // 4)
+    run(path, "parts", resume=True)
+    return path
+
+
+@pytest.mark.mpi
+def test_a_resumed_run_breaks_on_with_the_same_bytes(broken):
+    whole, parts = files(broken / "whole"), files(broken / "parts")
+    assert whole.keys() == parts.keys() and "events.csv" in whole
+    assert not [name for name in whole if whole[name] != parts[name]]
+    assert arrays(broken / "whole") == arrays(broken / "parts")
+
+
+@pytest.mark.mpi
+def test_events_and_energies_tell_of_the_same_cracks(broken):
+    with (broken / "whole" / "events.csv").open() as file:
+        events = list(csv.DictReader(file))
+    history = read_history(broken / "whole" / "history.csv")
+    assert len(events) > 3 and {e["grain"] for e in events} <= {"1", "2", "3"}
+    taken = sum(float(e["energy"]) for e in events)
+    assert taken == pytest.approx(4.0 * sum(float(e["area"]) for e in events))
+    fracture = history["cracks_fracture"]
+    assert 0.0 < fracture[-1] <= taken and (np.diff(fracture) > -1e-6 * fracture[-1]).all()
+    parts = [history[f"cracks_{name}"] for name in ("stored", "fracture", "friction", "damping")]
+    assert sum(parts) == pytest.approx(history["energy_cracks"], abs=1e-9 * fracture[-1])
+    assert np.abs(history["residual"]).max() < 1e-2 * history["work"].max()
+
+
+@pytest.mark.mpi
+def test_states_have_the_mesh_of_their_time(broken):
+    """Nodes that have parted are there, and all fields on them."""
+    folder = broken / "whole"
+    states = [read_state(folder, state["index"]) for state in read_states(folder)]
+    assert states[-1].n_points > states[0].n_points and len(list(folder.glob("fields/mesh*"))) > 1
+    for state in states:
+        assert len(state.point_data["displacement"]) == state.n_points
+        assert state.cells.reshape(-1, 5)[:, 1:].max() == state.n_points - 1
+
+
+def test_a_scene_with_fracture_is_written_and_read_again(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(scene_to_toml(SCENE))
+    assert load_scene(path) == SCENE
+    written = path.read_text().replace("strength = 8000000.0", 'strength = "8 MPa"')
+    path.write_text(written.replace("energy = 4.0", 'energy = "4 J/m^2"'))
+    assert load_scene(path) == SCENE
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"material": Rigid(1e9, 0.2, 2650.0)}, "expected none for material, which is rigid"),
+        ({"solver": Solver(integrator="static")}, 'integrator = "static", expected "explicit"'),
+        ({"contact": Contact(friction=0.4, self_contact=True)}, "self_contact = true"),
+        ({"contact": Contact(friction=0.4, law="kinematic")}, 'law = "kinematic"'),
+    ],
+)
+def test_where_grains_cannot_break_is_one_line(changes, line):
+    with pytest.raises(InputError, match=line):
+        replace(SCENE, **changes)
