@@ -486,6 +486,13 @@ class OfSpecimen(Stateful):
         """
         raise InputError("growth of the mesh in increments, expected steps in time")
 
+    def facets_to_open(self):
+        """Pairs of cells for :meth:`grow`, of each force term that opens some now. Collective."""
+        for term in self.specimen.opening_terms:
+            between = term.facets_to_open(self.state)
+            if between is not None:
+                yield between
+
     @property
     def initial_kinetic(self):
         """Kinetic energy at the start [J]. Collective."""

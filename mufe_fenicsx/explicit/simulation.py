@@ -123,10 +123,8 @@ class Simulation(OfSpecimen):
         """
         if self.watch.num_waiting:
             self._release_loaded()
-        for term in self.specimen.opening_terms:
-            between = term.facets_to_open(self.state)
-            if between is not None:
-                self.grow(between)
+        for between in self.facets_to_open():
+            self.grow(between)
         # Early where contacts may close that the last evaluation did not count.
         if self.limit.is_due():
             self.update_time_step(early=self.limit.is_early(), of_elements=self.check())

@@ -62,17 +62,19 @@ class FieldWriter:
         kept: What :attr:`kept` was, where a run goes on: later states are removed.
         same_ranks: Whether it goes on on the ranks that wrote so far: the mesh is there.
         number: Of the next state, where it goes on.
+        version: Of the mesh: stored states keep that of theirs.
 
     Raises:
         InputError: A file cannot be written; on all ranks together.
     """
 
     def __init__(
-        self, comm, folder, points, cells, grain_of_cell, kept=None, same_ranks=True, number=0
-    ):
+        self, comm, folder, points, cells, grain_of_cell, kept=None, same_ranks=True, number=0,
+        version=0,
+    ):  # fmt: skip
         self.comm = comm
         self.folder = Path(folder) / "fields"
-        self._mesh, self._states = MESH, []
+        self._mesh, self._states, self.version = MESH, [], version
         self.wrote_mesh = False  #: whether the mesh is a new file
         message = None
         if kept is not None:
@@ -95,7 +97,8 @@ class FieldWriter:
             offsets = np.append(0, offsets)
         num_nodes, num_cells = self._nodes.total, self._cells.total
         if kept is not None:
-            if same_ranks and not kept.get("mesh_is_gone"):
+            same = same_ranks and kept.get("version", 0) == version
+            if same and not kept.get("mesh_is_gone"):
                 return
             # Other ranks have nodes and cells in another order: stored states keep their mesh.
             self._mesh = f"mesh_{number:04d}.h5"
@@ -129,7 +132,7 @@ class FieldWriter:
     @property
     def kept(self):
         """What a writer that goes on from here has to know, fit for JSON."""
-        return {"mesh": self._mesh, "states": list(self._states)}
+        return {"mesh": self._mesh, "states": list(self._states), "version": self.version}
 
     def write(self, index, time, strain, stage, point_data, cell_data):
         """Write one state and list it in the series.

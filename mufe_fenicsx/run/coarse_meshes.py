@@ -25,6 +25,12 @@ def mean_edge_and_radius(simulation):
     return float(edge_of_area(area, number)), radius
 
 
+def coarse_zones(simulation):
+    """Lines where the mesh is too coarse for how grains break. Collective."""
+    lines = [term.coarse_line() for term in simulation.specimen.opening_terms]
+    return [line for line in lines if line is not None]
+
+
 def warning_of_coarse_meshes(simulation):
     """A line where most edges of the sample's grains are sharp, or None. Collective."""
     mesh, own = simulation.mesh, simulation.contact.own

@@ -20,9 +20,7 @@ from ..output.history import HistoryWriter, history_columns
 from ..output.record import ResultRecord
 from ..output.tools import ToolWriter
 from .energy_guard import EnergyGuard
-
-#: Columns of events.csv: facets of a grain that opened together, by time.
-EVENT_COLUMNS = ("time", "strain", "grain", "x", "y", "z", "area", "mode", "energy")
+from .event_table import EventTable
 
 #: Volume in which grains overlap over theirs, from which on a test means nothing.
 MOST_OVERLAP = 0.2
@@ -65,20 +63,13 @@ class Recorder:
             rows=kept.get("history_rows"),
         )
         self.num_states = operator.index(kept.get("num_states", 0))
-        self._version = mesh.version
-        same_mesh = same_ranks and kept.get("version", 0) == mesh.version
-        self.fields = self._field_writer(folder, kept.get("fields"), same_mesh)
+        self.fields = self._field_writer(folder, kept.get("fields"), same_ranks)
         self.tools = ToolWriter(mesh, folder, kept.get("tools", ())) if mesh.tools else None
         self.contacts = ContactWriter(mesh.comm, folder, kept.get("contacts", ()))
         self.record = ResultRecord(folder, kept.get("record"))
         if self.fields.wrote_mesh:
             self._note([f"fields/{self.fields.mesh}"])
-        self.events = None
-        if simulation.specimen.opening_terms:
-            self.events = HistoryWriter(
-                folder / "events.csv", EVENT_COLUMNS, mesh.comm, kept.get("events"),
-                kept.get("event_rows"),
-            )  # fmt: skip
+        self.events = EventTable(folder, simulation, kept.get("events"))
         self._history_interval = loading.interval(output.history)
         self._field_interval = loading.state_interval(output.fields)
         self._stage, *following = kept.get("next", (None, 0.0, 0.0))
@@ -95,56 +86,38 @@ class Recorder:
             "contacts": copy.deepcopy(self.contacts.kept),
             "tools": [] if self.tools is None else copy.deepcopy(self.tools.kept),
             "num_states": self.num_states,
-            "version": self._version,
-            **self._kept_events(),
+            "events": self.events.kept,
             "next": (self._stage, self._next_row, self._next_state),
             "row_step": self._row_step,
         }
 
-    def _kept_events(self):
-        if self.events is None:
-            return {}
-        return {"events": self.events.sync(), "event_rows": list(self.events.rows)}
-
-    def _field_writer(self, folder, kept, same_mesh):
+    def _field_writer(self, folder, kept, same_ranks):
         """Writer of the fields on the mesh as it is now. Collective."""
         mesh = self.simulation.mesh
         cells = slice(mesh.num_shown_cells)
         return FieldWriter(
             mesh.comm, folder, mesh.x[mesh.shown_nodes],
             np.searchsorted(mesh.shown_nodes, mesh.cells[cells]),
-            mesh.labels[mesh.grains[mesh.grain_of_cell[cells]]], kept, same_mesh, self.num_states,
+            mesh.labels[mesh.grains[mesh.grain_of_cell[cells]]], kept, same_ranks, self.num_states,
+            mesh.version,
         )  # fmt: skip
 
     def _follow_mesh(self):
         """Go on with a mesh that has grown. Collective."""
         mesh, folder = self.simulation.mesh, self.history.path.parent
-        if mesh.version == self._version:
+        if mesh.version == self.fields.version:
             return
-        self._version = mesh.version
         self.voids.cells = mesh.cells[: mesh.num_sample_cells]
-        self.fields = self._field_writer(folder, self.fields.kept, False)
+        self.fields = self._field_writer(folder, self.fields.kept, True)
         if self.fields.wrote_mesh:
             self._note([f"fields/{self.fields.mesh}"])
         if self.tools is not None:
             self.tools = ToolWriter(mesh, folder, self.tools.kept)
 
-    def _write_events(self):
-        """Rows of what opened since the last call. Collective."""
-        for term in self.simulation.specimen.opening_terms:
-            if not term.news:
-                continue
-            for event in term.take_events():
-                place = dict(zip("xyz", map(float, event.place), strict=True))
-                row = {"time": event.time, "strain": self.loading.strain, "grain": event.grain}
-                row |= place | {"area": event.area, "mode": event.mode, "energy": event.energy}
-                self.events.append(row)
-
     def after_step(self):
         """Write what is due."""
         loading = self.loading
-        if self.events is not None:
-            self._write_events()
+        self.events.write(loading.strain)
         if loading.stage != self._stage:
             self._stage, self._next_row = loading.stage, 0.0
         if loading.loaded:

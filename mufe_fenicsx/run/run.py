@@ -20,7 +20,7 @@ from ..output.run_folder import write_run_json
 from ..output.run_lock import LostFolder, RunLock
 from ..scene import Scene
 from ..scene.usual import unusual
-from .coarse_meshes import mean_edge_and_radius, warning_of_coarse_meshes
+from .coarse_meshes import coarse_zones, mean_edge_and_radius, warning_of_coarse_meshes
 from .from_scene import load_mesh, make_loading, make_membrane, make_simulation, sleeve_of
 from .judgement import judged
 from .preparation import find_start, prepare
@@ -194,8 +194,7 @@ class TestRun:
     def _tell_unusual(self, diameter):
         """Say which values nobody means, and keep that for the report. Collective."""
         sizes = diameter, self.loading.first_height, reach(self.prepared.bounds, self.prepared.mesh)
-        cracks = self.simulation.specimen.opening_terms
-        coarse = filter(None, [term.coarse_line() for term in cracks])
+        coarse = coarse_zones(self.simulation)
         self.summary["unusual"] = [*unusual(self.scene), *relations(self.scene, *sizes), *coarse]
         for line in self.summary["unusual"]:
             say(self.comm, line, self.options.quiet)
@@ -274,11 +273,13 @@ class TestRun:
         """Go back to a checkpoint, or to the start if that is None."""
         self.recorder.history.close()
         self.simulation = self.loading = self.recorder = None  # their memory is free now
+        mesh, scene = self.prepared.mesh, self.scene
         partition = checkpoint and partition_of(checkpoint, self.comm)
-        mesh = self.prepared.mesh
+        if partition is None:
+            partition = mesh.rank_of_grain
         if checkpoint is None:  # what has opened since is closed again
             self.prepared = replace(self.prepared, mesh=replace(mesh, opened=[]))
-        elif self.scene.fracture or (partition != mesh.rank_of_grain).any():
+        elif scene.fracture or (partition != mesh.rank_of_grain).any():
             self.prepared, grains = replace(self.prepared, mesh=None), self.place.grains_folder
             tools, around = self.prepared.tools, sleeve_of(self.scene)
             mesh = load_mesh(self.comm, grains, partition, tools, around)

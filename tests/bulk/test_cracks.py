@@ -6,13 +6,15 @@ from mpi4py import MPI
 
 from mufe_fenicsx.bulk.cracks.cracks import STEPS_BETWEEN_LOOKS, Cracks
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.explicit.simulation import Simulation
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.kernels.cracks.cracks import POINT, CrackForces
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.fracture import Fracture, uniform
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.run.from_bodies import build
-from tests.bulk.test_growth import written as _written
+from mufe_fenicsx.verification.damaged_block import _block, _course
+from tests.bulk.test_growth import written
 
 COMM, ALONE = MPI.COMM_WORLD, MPI.COMM_SELF
 SIDE, SIGMA = 1e-3, 1e6
@@ -23,7 +25,9 @@ CUBE = box((0.5 * SIDE, 0.5 * SIDE, SIDE), (2, 2, 4))
 
 def pulled(comm=ALONE, law=LAW, bodies=1, speed=1.2, element="averaged", **options):
     """Bars whose halves part, in a sheared and turning motion, and their cracks."""
-    shapes = [(CUBE[0] + 1.5 * k * SIDE * np.array([0.0, 1.0, 0.0]), CUBE[1]) for k in range(bodies)]
+    shapes = [
+        (CUBE[0] + 1.5 * k * SIDE * np.array([0.0, 1.0, 0.0]), CUBE[1]) for k in range(bodies)
+    ]
 
     def velocity(x, grain):
         z = x / SIDE - 0.5
@@ -102,7 +106,9 @@ def test_search_finds_what_every_plane_says():
     s, cracks = pulled(law=Fracture(SIGMA, 1.0, modulus=3.0))
     while s.state.t < 1e-7:
         s.step()
-    strength = np.linalg.norm(cracks._tractions(np.arange(cracks.strength.size), s.state)[0], axis=1)
+    strength = np.linalg.norm(
+        cracks._tractions(np.arange(cracks.strength.size), s.state)[0], axis=1
+    )
     cracks.strength[:] *= 0.7 * np.median(strength) / np.median(cracks.strength)
     cracks._follow(s.solid)
     t, n = cracks._tractions(np.arange(cracks.strength.size), s.state)
@@ -121,7 +127,10 @@ def test_search_finds_what_every_plane_says():
 def test_nothing_jumps_where_facets_open(element):
     """Parts of a node go on with one acceleration; momenta, energies and their balance stay."""
     s, cracks = pulled(element=element)
-    first, turn = s.solid.mass @ s.state.v, (s.solid.mass[:, None] * np.cross(s.mesh.x, s.state.v)).sum(0)
+    first, turn = (
+        s.solid.mass @ s.state.v,
+        (s.solid.mass[:, None] * np.cross(s.mesh.x, s.state.v)).sum(0),
+    )
     while s.mesh.version < 1:
         before, version = s.energies(), s.mesh.version
         f, a = s.specimen.f.sum(axis=0), s.state.a
@@ -133,13 +142,17 @@ def test_nothing_jumps_where_facets_open(element):
             source = s.mesh.source.nodes
             size = np.abs(a).max()
             for node in np.flatnonzero(np.bincount(source) > 1):
-                assert np.ptp(s.state.a[source == node], axis=0) == pytest.approx(0, abs=1e-10 * size)
+                assert np.ptp(s.state.a[source == node], axis=0) == pytest.approx(
+                    0, abs=1e-10 * size
+                )
             if element == "p1":
                 assert s.state.a == pytest.approx(a[source], abs=1e-10 * size)
             after = s.energies()
             total = before["kinetic"] + before["elastic"]
             assert after["residual"] == pytest.approx(before["residual"], abs=1e-13 * total)
-            assert s.specimen.f.sum(axis=0) == pytest.approx(f, abs=1e-10 * np.abs(s.specimen.f).sum())
+            assert s.specimen.f.sum(axis=0) == pytest.approx(
+                f, abs=1e-10 * np.abs(s.specimen.f).sum()
+            )
         s.step()
     while s.state.t < 1.2e-5:
         s.step(everywhere=False)
@@ -170,8 +183,14 @@ def test_ranks_break_alike():
         course(s)
         events = cracks.take_events()
         found.append((events, s.energies()))
-        lost = comm.gather(np.column_stack([
-            s.mesh.grains[cracks.facets.grain[cracks.opened]], cracks.facets.name[cracks.opened]]))
+        lost = comm.gather(
+            np.column_stack(
+                [
+                    s.mesh.grains[cracks.facets.grain[cracks.opened]],
+                    cracks.facets.name[cracks.opened],
+                ]
+            )
+        )
         found[-1] += (None if lost is None else sorted(map(tuple, np.concatenate(lost))),)
     (some, e, opened), (all_of_them, alone, others) = found
     assert len(some) == len(all_of_them) > 3
@@ -185,8 +204,6 @@ def test_ranks_break_alike():
 
 def test_a_damaged_chain_gains_no_energy_but_without_its_dashpot():
     """Steps of 0.9 of the limit; the longer case is `mufe verify damaged-block`."""
-    from mufe_fenicsx.verification.damaged_block import _block, _course
-
     ratio = {}
     for damping in (0.07, 0.0):
         s, _ = _block(ALONE, 2, 1.0, (0.5, 0.95), 0.9, damping)
@@ -216,13 +233,11 @@ def test_resume_gives_the_same_bits(tmp_path, step):
 
 def resumed(s, folder, law):
     def make(mesh, walls):
-        from mufe_fenicsx.explicit.simulation import Simulation
-
         other = Simulation(mesh, [ELASTIC] * mesh.num_grains, walls, friction=0.3)
         other.add_term(Cracks(other.specimen, law))
         return other
 
-    return _written(s, folder, make)(pulled(law=law, bodies=2)[0])
+    return written(s, folder, make)(pulled(law=law, bodies=2)[0])
 
 
 def test_strengths_follow_weibull():

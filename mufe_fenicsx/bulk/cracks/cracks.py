@@ -159,8 +159,9 @@ class Cracks(ForceTerm):
         if edge <= wanted or self.fracture.lower_strength:
             return None
         return (
-            f"edges of the mesh = {with_unit(edge, 'm')}, expected at most {with_unit(wanted, 'm')}: "
-            f"a third of the cohesive zone E·energy/strength² of [fracture]; or lower_strength = true"
+            f"edges of the mesh = {with_unit(edge, 'm')}, expected at most "
+            f"{with_unit(wanted, 'm')}, a third of the cohesive zone E·energy/strength² of "
+            "[fracture]; or lower_strength = true"
         )
 
     # --- forces ---------------------------------------------------------------------------

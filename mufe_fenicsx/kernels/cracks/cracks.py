@@ -18,7 +18,8 @@ from ..build.native import Pointers, address, load
 #: What a point keeps, in the order of ``point_type`` in law.h.
 OF_POINT = (
     "open", "start_n", "start_1", "start_2", "strength", "ultimate", "stiffness", "furthest",
-    "anchor_1", "anchor_2", "pull_1", "pull_2", "damper", "drag_x", "drag_y", "drag_z", "rubbed", "damped",
+    "anchor_1", "anchor_2", "pull_1", "pull_2", "damper", "drag_x", "drag_y", "drag_z",
+    "rubbed", "damped",
 )  # fmt: skip
 POINT = np.dtype([(name, float) for name in OF_POINT])
 #: Energies of :meth:`CrackForces.energies`.

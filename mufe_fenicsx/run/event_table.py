@@ -1,0 +1,39 @@
+"""The table of what opened in grains that break."""
+
+from ..output.history import HistoryWriter
+
+#: Columns of events.csv: facets of a grain that opened together, by time.
+COLUMNS = ("time", "strain", "grain", "x", "y", "z", "area", "mode", "energy")
+
+
+class EventTable:
+    """Writes events.csv where grains can break, else nothing. Collective, as its methods.
+
+    Args:
+        folder: The run folder.
+        simulation: :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
+        kept: What :attr:`kept` was, where a run goes on.
+    """
+
+    def __init__(self, folder, simulation, kept=None):
+        self.terms, self._table, kept = simulation.specimen.opening_terms, None, kept or {}
+        if self.terms:
+            self._table = HistoryWriter(
+                folder / "events.csv", COLUMNS, simulation.comm, kept.get("bytes"), kept.get("rows")
+            )
+
+    @property
+    def kept(self):
+        """What a table that goes on from here has to know, fit for JSON."""
+        if self._table is None:
+            return {}
+        return {"bytes": self._table.sync(), "rows": self._table.rows}
+
+    def write(self, strain):
+        """Write what opened since the last call."""
+        for term in self.terms:
+            for event in term.take_events() if term.news else ():
+                place = dict(zip("xyz", map(float, event.place), strict=True))
+                row = {"time": event.time, "strain": strain, "grain": event.grain, **place}
+                row |= {"area": event.area, "mode": event.mode, "energy": event.energy}
+                self._table.append(row)
