@@ -31,6 +31,9 @@ class Event(NamedTuple):
 
 #: Steps from one look for facets that open to the next.
 STEPS_BETWEEN_LOOKS = 4
+#: Facets beside open ones open at this part of their strength: at the front of a crack nodes bear
+#: more than the means of cells tell. They soften where their points reach the strength.
+BESIDE = 0.7
 #: Least stiffness of a point over E/h of the cells beside it.
 SOFTEST = 0.25
 
@@ -102,11 +105,12 @@ class Cracks(ForceTerm):
     def _follow(self, solid):
         """Take nodes and cells of the mesh as they are now. Local."""
         self._solid, facets, shear = solid, self.facets, self.fracture.shear_ratio
+        opens = self.strength * np.where(facets.touch(self.opened), BESIDE, 1.0)
         weakest = np.full(self.mesh.num_cells, np.inf)
         for side in facets.across.T:
-            np.minimum.at(weakest, side, self.strength)
+            np.minimum.at(weakest, side, opens)
         self._search = facets.search(
-            self.mesh, solid.volume0, self.strength, weakest, shear, solid.element == "averaged"
+            self.mesh, solid.volume0, opens, weakest, shear, solid.element == "averaged"
         )
         self._nodes, area = facets.nodes(self.mesh, self.opened), facets.area[self.opened]
         self._area, friction = area / 3.0, self._friction[self.opened]
@@ -245,9 +249,9 @@ class Cracks(ForceTerm):
     def _stiffen(self, which, one, other, area, mass):
         """Give new points their stiffness and damper. Local.
 
-        k is E/h of the cells beside, but where few cells hang on a node what the step of single
-        elements allows, down to :data:`SOFTEST`. A soft spring gives back more energy where it is
-        unloaded. The damper is a part of the critical one of both nodes with all these springs.
+        k is E/h of the cells beside, but where few cells hang on a node what half the step of
+        single elements allows, down to :data:`SOFTEST`. A soft spring gives back more energy where
+        it is unloaded: at a quarter of E/h cracks run on that. The damper is a part of the critical one of both nodes with all these springs.
         """
         at_node = np.zeros(mass.size)
         for side in (one, other):
@@ -256,7 +260,8 @@ class Cracks(ForceTerm):
         per_area = reduced / np.maximum(at_node[one], at_node[other])
         points = self.points.reshape(-1)
         k = points["stiffness"][which]
-        allowed = per_area / (max(self.fracture.shear_ratio, 1.0) * self._element_step) ** 2
+        stiffest = max(self.fracture.shear_ratio, 1.0) * 0.5 * self._element_step
+        allowed = per_area / stiffest**2
         k = np.minimum(k, np.maximum(allowed, SOFTEST * k))
         points["stiffness"][which] = k
         points["damper"][which] = 2.0 * self.fracture.damping * np.sqrt(k * per_area)

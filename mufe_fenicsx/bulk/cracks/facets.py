@@ -45,6 +45,7 @@ class Facets:
         nodes = np.take_along_axis(one, corners, axis=1)
         there = (nodes[:, :, None] == other[:, None, :]).argmax(axis=2)
         self.corners = np.stack([corners, there], axis=1).astype(np.uint8)
+        self._first_nodes = nodes.astype(np.int32)
         x = mesh.x[self.nodes(mesh)[:, :3]]
         self.area = 0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
         both = volume[self.across].sum(axis=1)
@@ -58,6 +59,12 @@ class Facets:
             for k in (0, 1)
         ]
         return np.concatenate(pair, axis=1).astype(np.int32)
+
+    def touch(self, which):
+        """Whether each facet has a node, as of the start, with some of them in common."""
+        marked = np.zeros(self._first_nodes.max(initial=-1) + 1, dtype=bool)
+        marked[self._first_nodes[which]] = True
+        return marked[self._first_nodes].any(axis=1)
 
     def rows_of(self, grain, name):
         """Rows of facets by their local grains and names, all of which there are."""
