@@ -63,7 +63,10 @@ class Recorder:
             rows=kept.get("history_rows"),
         )
         self.num_states = operator.index(kept.get("num_states", 0))
-        self.fields = self._field_writer(folder, kept.get("fields"), same_ranks)
+        of_fields = kept.get("fields")
+        same = same_ranks and of_fields is not None  # the next state follows a mesh that has grown
+        version = of_fields.get("version", 0) if same else mesh.version
+        self.fields = self._field_writer(folder, of_fields, same_ranks, version)
         self.tools = ToolWriter(mesh, folder, kept.get("tools", ())) if mesh.tools else None
         self.contacts = ContactWriter(mesh.comm, folder, kept.get("contacts", ()))
         self.record = ResultRecord(folder, kept.get("record"))
@@ -91,15 +94,15 @@ class Recorder:
             "row_step": self._row_step,
         }
 
-    def _field_writer(self, folder, kept, same_ranks):
-        """Writer of the fields on the mesh as it is now. Collective."""
+    def _field_writer(self, folder, kept, same_ranks, version):
+        """Writer of the fields on the mesh as it is now, of a version. Collective."""
         mesh = self.simulation.mesh
         cells = slice(mesh.num_shown_cells)
         return FieldWriter(
             mesh.comm, folder, mesh.x[mesh.shown_nodes],
             np.searchsorted(mesh.shown_nodes, mesh.cells[cells]),
             mesh.labels[mesh.grains[mesh.grain_of_cell[cells]]], kept, same_ranks, self.num_states,
-            mesh.version,
+            version,
         )  # fmt: skip
 
     def _follow_mesh(self):
@@ -107,8 +110,7 @@ class Recorder:
         mesh, folder = self.simulation.mesh, self.history.path.parent
         if mesh.version == self.fields.version:
             return
-        self.voids.cells = mesh.cells[: mesh.num_sample_cells]
-        self.fields = self._field_writer(folder, self.fields.kept, True)
+        self.fields = self._field_writer(folder, self.fields.kept, True, mesh.version)
         if self.fields.wrote_mesh:
             self._note([f"fields/{self.fields.mesh}"])
         if self.tools is not None:
@@ -140,7 +142,6 @@ class Recorder:
     def write_row(self):
         """One row of the history. Returns its energies [J]."""
         self._check_lock()
-        self._follow_mesh()
         sim, loading = self.simulation, self.loading
         forces, energies = loading.measures.forces(), sim.energies()
         active = sim.num_active_grains()
@@ -171,6 +172,7 @@ class Recorder:
         unbalanced = sim.unbalanced_force()
         row.update({f"unbalanced_{a}": f for a, f in zip("xyz", unbalanced, strict=True)})
         row.update(energies)
+        self.voids.cells = sim.mesh.cells[: sim.mesh.num_sample_cells]
         row.update(self.voids.row(sim.state.x, lengths))
         if self.tools is not None:
             row.update(sim.tools.row())

@@ -10,11 +10,16 @@ from petsc4py import PETSc
 from ..errors import InputError, SolverError, nearest_name
 from .again import closed_loop, pressed_again
 from .bar_impact import bar_impact
+from .bar_in_tension import bar_in_tension
 from .case import by_name
+from .cohesive_facet import cohesive_facet
 from .column import column
+from .cracked_strip import cracked_strip
 from .crush import crush
 from .curved_walls import confined_cylinder, curved_walls
+from .damaged_block import damaged_block
 from .energy import energy
+from .expanding_ring import expanding_ring
 from .feature_pairs import feature_pairs
 from .fidelity import fidelity
 from .free_sphere import free_sphere
@@ -97,6 +102,11 @@ CASES = (
         paper_sphere,
         strain_cycle,
         crush,
+        cohesive_facet,
+        damaged_block,
+        bar_in_tension,
+        cracked_strip,
+        expanding_ring,
         segmentation,
         soak,
     )

@@ -18,7 +18,7 @@ NOTCH, LENGTH, RUNS = 0.6, 2.0, 4.0
 
 
 @case("cracked-strip", num_bodies=1)
-def cracked_strip(comm, height=24, zone=5.0, passes=40.0, damping=0.3, shear_ratio=2.0):
+def cracked_strip(comm, height=40, zone=8.0, passes=80.0, damping=0.3, shear_ratio=2.0):
     """A crack in a strip runs when the energy of the strip ahead of it is that of its surface.
 
     The long edges of the strip are glued to platens. Far ahead of the crack it is strained alike,

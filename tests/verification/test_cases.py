@@ -82,6 +82,11 @@ CHEAP = [
         },
         "slow",
     ),
+    ("cohesive-facet", {"steps": 400}, ""),
+    ("damaged-block", {"cubes": 3, "steps": 4000, "undamped_steps": 6000}, ""),
+    ("bar-in-tension", {}, ""),
+    ("cracked-strip", {}, "slow"),
+    ("expanding-ring", {}, ""),
     ("strain-cycle", {"paths": 12, "steps": 400}, ""),
     ("crush", {"element_size": 0.4, "speed": 10}, "slow"),
 ]

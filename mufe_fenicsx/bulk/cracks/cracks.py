@@ -29,11 +29,11 @@ class Event(NamedTuple):
     energy: float  #: that it takes to open them [J]
 
 
-#: Steps from one look for facets that open to the next.
+#: Steps from one look at all cells to the next; those near a strength are looked at in each.
 STEPS_BETWEEN_LOOKS = 4
-#: Facets beside open ones open at this part of their strength: at the front of a crack nodes bear
+#: Facets beside those that soften open at this part of their strength: at the front of a crack nodes bear
 #: more than the means of cells tell. They soften where their points reach the strength.
-BESIDE = 0.7
+BESIDE = 0.55
 #: Least stiffness of a point over E/h of the cells beside it.
 SOFTEST = 0.25
 
@@ -57,12 +57,14 @@ class Cracks(ForceTerm):
         points: What their corners keep, of type POINT, shape (num_opened, 3).
         events: What opened on this rank since the last :meth:`take_events`.
         news: Whether anything did on some rank.
+        near, watching: Cells near the strength of a facet at the last look, shape (num_cells,), and
+            whether there are any on some rank.
 
     Raises:
         InputError: A grain is rigid, or there is a membrane; on all ranks.
     """
 
-    STATE = {"common": ("any", "_element_step")}
+    STATE = {"common": ("any", "watching", "_element_step"), "cells": ("near",)}
 
     name = "cracks"
     opens = True
@@ -81,6 +83,7 @@ class Cracks(ForceTerm):
         self._friction = friction.coefficients[rows if rows.size else np.zeros_like(grain), 0]
         self.opened, self.points = np.empty(0, dtype=np.int64), np.zeros((0, 3), POINT)
         self.any = False  #: whether a facet is open on some rank
+        self.near, self.watching = np.zeros(self.mesh.num_cells, np.uint8), False
         self.events, self.news = [], False
         self._element_step = self.comm.allreduce(solid.first_time_step, op=MPI.MIN)
         self._follow(solid)
@@ -105,22 +108,32 @@ class Cracks(ForceTerm):
     def _follow(self, solid):
         """Take nodes and cells of the mesh as they are now. Local."""
         self._solid, facets, shear = solid, self.facets, self.fracture.shear_ratio
-        opens = self.strength * np.where(facets.touch(self.opened), BESIDE, 1.0)
-        weakest = np.full(self.mesh.num_cells, np.inf)
-        for side in facets.across.T:
-            np.minimum.at(weakest, side, opens)
+        self._softer = self._softened()
+        front = facets.touch(self.opened[self._softer])
+        opens = self.strength * np.where(front, BESIDE, 1.0)
         self._search = facets.search(
-            self.mesh, solid.volume0, opens, weakest, shear, solid.element == "averaged"
+            self.mesh, solid.volume0, opens, self.near, shear, solid.element == "averaged"
         )
         self._nodes, area = facets.nodes(self.mesh, self.opened), facets.area[self.opened]
         self._area, friction = area / 3.0, self._friction[self.opened]
         self._forces = CrackForces(self._nodes, area, friction, self.points, shear)
 
+    def _softened(self):
+        """Whether a point of each open facet has begun to soften, shape (num_opened,). Local."""
+        p = self.points
+        return ((p["open"] != 0.0) & (p["furthest"] * p["stiffness"] > p["strength"])).any(axis=1)
+
     def facets_to_open(self, state):
         """Pairs of cells whose facets open now, None where none does on any rank. Collective."""
-        if state.num_steps % STEPS_BETWEEN_LOOKS:
+        stress = state.deviator, self._solid.pressure
+        if not state.num_steps % STEPS_BETWEEN_LOOKS:
+            if self.opened.size and (self._softened() != self._softer).any():
+                self._follow(self._solid)
+            self._search.watch(*stress)
+            self.watching = self.comm.allreduce(self._search.num_listed) > 0
+        if not self.watching:
             return None
-        rows = self._search(state.deviator, self._solid.pressure, state.x)
+        rows = self._search(*stress, state.x)
         if not self.comm.allreduce(rows.size):
             return None
         self.news = True
@@ -250,8 +263,9 @@ class Cracks(ForceTerm):
         """Give new points their stiffness and damper. Local.
 
         k is E/h of the cells beside, but where few cells hang on a node what half the step of
-        single elements allows, down to :data:`SOFTEST`. A soft spring gives back more energy where
-        it is unloaded: at a quarter of E/h cracks run on that. The damper is a part of the critical one of both nodes with all these springs.
+        single elements allows, down to :data:`SOFTEST`. A spring gives back energy where it is
+        unloaded, the more the softer it is: at a quarter of E/h cracks run on that. The damper is a
+        part of the critical one of both nodes with all these springs.
         """
         at_node = np.zeros(mass.size)
         for side in (one, other):

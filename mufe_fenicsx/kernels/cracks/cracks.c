@@ -6,6 +6,8 @@
 
 #include "law.h"
 
+/* Cells are near a strength from this part of it on. */
+#define NEAR 0.8
 /* A failed point so many times the root of its facet's area away from its partner is alone. */
 #define REACH 0.5
 
@@ -140,7 +142,8 @@ typedef struct {
   const int32_t *across;   /* cells on both sides of a facet */
   const uint8_t *corner;   /* corners of the first cell that are those of the facet */
   const double *strength;  /* of the facets; inf: open, or never opens */
-  uint8_t *near;           /* scratch of cells */
+  uint8_t *near;           /* whether a cell has come near */
+  int64_t *listed;         /* facets beside such cells */
   int64_t *found;          /* facets that open */
 } facets_type;
 
@@ -169,20 +172,34 @@ static void add_stress(double sum[6], const facets_type *m, const double *deviat
     sum[k] += m->volume[c] * (deviator[6 * c + k] + (k < 3 ? mean : 0.0));
 }
 
-/* Facets whose effective traction has reached their strength, into ``found``; returns how many. */
-int64_t mufe_find_strained(const facets_type *m, const double *deviator, const double *pressure,
-                           const double *x, double shear, int64_t num_cells, int64_t num_facets,
-                           int averaged) {
-  int64_t some = 0, count = 0;
+/* Marks cells that have come near the strength of a facet; returns how many. */
+int64_t mufe_mark_near(const facets_type *m, const double *deviator, const double *pressure,
+                       double shear, int64_t num_cells, int averaged) {
+  int64_t some = 0;
   for (int64_t c = 0; c < num_cells; c++) {
     const double mean = mean_of(m, pressure, c, averaged);
-    m->near[c] = can_bear(deviator + 6 * c, mean, shear, m->weakest[c]);
+    m->near[c] = can_bear(deviator + 6 * c, mean, shear, NEAR * m->weakest[c]);
     some += m->near[c];
   }
-  if (!some) return 0;
-  for (int64_t i = 0; i < num_facets; i++) {
+  return some;
+}
+
+/* Lists closed facets of marked cells; returns how many. */
+int64_t mufe_list_near(const facets_type *m, int64_t num_facets) {
+  int64_t count = 0;
+  for (int64_t i = 0; i < num_facets; i++)
+    if ((m->near[m->across[2 * i]] | m->near[m->across[2 * i + 1]]) && m->strength[i] < INFINITY)
+      m->listed[count++] = i;
+  return count;
+}
+
+/* Listed facets whose effective traction has reached their strength, into ``found``; returns how many. */
+int64_t mufe_find_strained(const facets_type *m, const double *deviator, const double *pressure,
+                           const double *x, double shear, int64_t num_listed, int averaged) {
+  int64_t count = 0;
+  for (int64_t k = 0; k < num_listed; k++) {
+    const int64_t i = m->listed[k];
     const int32_t a = m->across[2 * i], b = m->across[2 * i + 1];
-    if (!(m->near[a] | m->near[b]) || m->strength[i] == INFINITY) continue;
     double s[6] = {0.0}, n[3], t[3], e[2][3];
     add_stress(s, m, deviator, pressure, a, averaged);
     add_stress(s, m, deviator, pressure, b, averaged);

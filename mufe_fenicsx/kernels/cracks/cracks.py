@@ -92,6 +92,9 @@ class CrackForces:
 class FacetSearch:
     """Facets between cells of which some may open; local. Arrays stay where they are.
 
+    Now and then :meth:`watch` lists the facets that have come near their strength; others are not
+    looked at.
+
     Args:
         cells: Nodes of the cells, int32, shape (num_cells, 4).
         volume: Their first volumes [m³], shape (num_cells,).
@@ -99,26 +102,45 @@ class FacetSearch:
         across: Cells on both sides of each facet, int32, shape (num_facets, 2).
         corner: Corners of the first one that are those of the facet, uint8, (num_facets, 3).
         strength: Of the facets [Pa], inf where one is open or never opens, (num_facets,).
+        near: Cells that have come near, of the last :meth:`watch`, uint8, shape (num_cells,).
         shear: As of :class:`CrackForces`.
         averaged: Whether ``pressure`` is that of nodes.
+
+    Attributes:
+        num_listed: Facets that are looked at.
     """
 
-    def __init__(self, cells, volume, weakest, across, corner, strength, shear, averaged):
-        real, short = np.float64, np.uint8
-        self._found = np.empty(len(across), np.int64)
+    def __init__(
+        self, cells, volume, weakest, across, corner, strength, near, shear, averaged
+    ):  # fmt: skip
+        real, short, whole = np.float64, np.uint8, np.int64
+        self._found, listed = np.empty((2, len(across)), whole)
         self._sizes, self._shear, self._averaged = (len(cells), len(across)), shear, averaged
         self._pointers = Pointers(
             (cells, np.int32), (volume, real), (weakest, real), (across, np.int32),
-            (corner, short), (strength, real), (np.empty(len(cells), short), short),
-            (self._found, np.int64),
+            (corner, short), (strength, real), (near, short), (listed, whole), (self._found, whole),
         )  # fmt: skip
-        self._find = _library().mufe_find_strained
-        pointer, integer = ctypes.c_void_p, ctypes.c_int64
-        self._find.argtypes = [*[pointer] * 4, ctypes.c_double, *[integer] * 3]
-        self._find.restype = integer
+        library, pointer, integer = _library(), ctypes.c_void_p, ctypes.c_int64
+        self._find, self._mark = library.mufe_find_strained, library.mufe_mark_near
+        self._list = library.mufe_list_near
+        self._find.argtypes = [*[pointer] * 4, ctypes.c_double, integer, integer]
+        self._mark.argtypes = [*[pointer] * 3, ctypes.c_double, integer, integer]
+        self._list.argtypes = [pointer, integer]
+        for function in (self._find, self._mark, self._list):
+            function.restype = integer
+        self.num_listed = self._list(self._pointers.table, len(across))
+
+    def watch(self, deviator, pressure):
+        """List the facets near their strength; arguments as of a call."""
+        table = self._pointers.table
+        some = self._mark(
+            table, address(deviator), address(pressure), self._shear, self._sizes[0],
+            self._averaged,
+        )  # fmt: skip
+        self.num_listed = self._list(table, self._sizes[1]) if some else 0
 
     def __call__(self, deviator, pressure, x):
-        """Facets that are strained enough to open, increasing.
+        """Listed facets that are strained enough to open, increasing.
 
         Args:
             deviator: Of the cells [Pa], xx yy zz xy yz xz, shape (num_cells, 6).
@@ -127,7 +149,7 @@ class FacetSearch:
         """
         count = self._find(
             self._pointers.table, address(deviator), address(pressure), address(x), self._shear,
-            *self._sizes, self._averaged,
+            self.num_listed, self._averaged,
         )  # fmt: skip
         return self._found[:count].copy()
 
