@@ -31,8 +31,8 @@ class Event(NamedTuple):
 
 #: Steps from one look at all cells to the next; those near a strength are looked at in each.
 STEPS_BETWEEN_LOOKS = 4
-#: Facets beside those that soften open at this part of their strength: at the front of a crack nodes bear
-#: more than the means of cells tell. They soften where their points reach the strength.
+#: Facets beside those that soften open at this part of their strength: nodes at the front of a crack
+#: bear more than means of cells tell. They soften where their points reach the strength.
 BESIDE = 0.55
 #: Least stiffness of a point over E/h of the cells beside it.
 SOFTEST = 0.25
@@ -70,9 +70,8 @@ class Cracks(ForceTerm):
     opens = True
 
     def __init__(self, specimen, fracture):
-        self.fracture, self.comm = fracture, specimen.comm
-        raise_together(self.comm, _what_cannot_break(specimen))
-        self.mesh, solid = specimen.mesh, specimen.solid
+        raise_together(specimen.comm, _what_cannot_break(specimen))
+        self.mesh, solid, self.fracture = specimen.mesh, specimen.solid, fracture
         self.facets = facets = Facets(self.mesh, solid.volume0)
         self._E = np.array([m.E for m in solid.materials])[facets.grain]
         label, grain = self.mesh.labels[self.mesh.grains], self.mesh.grains[facets.grain]
@@ -85,7 +84,7 @@ class Cracks(ForceTerm):
         self.any = False  #: whether a facet is open on some rank
         self.near, self.watching = np.zeros(self.mesh.num_cells, np.uint8), False
         self.events, self.news = [], False
-        self._element_step = self.comm.allreduce(solid.first_time_step, op=MPI.MIN)
+        self._element_step = self.mesh.comm.allreduce(solid.first_time_step, op=MPI.MIN)
         self._follow(solid)
 
     # --- which facets are open ------------------------------------------------------------
@@ -130,11 +129,11 @@ class Cracks(ForceTerm):
             if self.opened.size and (self._softened() != self._softer).any():
                 self._follow(self._solid)
             self._search.watch(*stress)
-            self.watching = self.comm.allreduce(self._search.num_listed) > 0
+            self.watching = self.mesh.comm.allreduce(self._search.num_listed) > 0
         if not self.watching:
             return None
         rows = self._search(*stress, state.x)
-        if not self.comm.allreduce(rows.size):
+        if not self.mesh.comm.allreduce(rows.size):
             return None
         self.news = True
         self._note(rows, state)
@@ -149,7 +148,7 @@ class Cracks(ForceTerm):
         Returns:
             Pairs of their cells, as of :meth:`~mufe_fenicsx.mesh.GrainMesh.grow`, shape (n, 2).
         """
-        self.any = self.any or self.comm.allreduce(rows.size) > 0
+        self.any = self.any or self.mesh.comm.allreduce(rows.size) > 0
         self._open(rows)
         self._follow(self._solid)
         return self.facets.across[rows]
@@ -171,7 +170,7 @@ class Cracks(ForceTerm):
         """A line where the cohesive zone has too few facets of the mesh, or None. Collective."""
         facets, wanted = self.facets, self.fracture.zone(self._E.min(initial=np.inf)) / IN_ZONE
         own = np.array([np.sqrt(4.0 / np.sqrt(3.0) * facets.area).sum(), facets.area.size])
-        total, wanted = self.comm.allreduce(own), self.comm.allreduce(wanted, op=MPI.MIN)
+        total, wanted = self.mesh.comm.allreduce(own), self.mesh.comm.allreduce(wanted, op=MPI.MIN)
         edge = total[0] / max(total[1], 1.0)
         if edge <= wanted or self.fracture.lower_strength:
             return None
@@ -220,7 +219,7 @@ class Cracks(ForceTerm):
         across = self.fracture.shear_ratio**2 * p["strength"] * whole / p["furthest"]
         listed.kt[:] = area * np.maximum(across, p["stiffness"])
         none = np.empty(0, dtype=np.int64)
-        moves, forces = (SurfaceVector(self.comm, at.size, none) for _ in range(2))
+        moves, forces = (SurfaceVector(self.mesh.comm, at.size, none) for _ in range(2))
         return Springs(at.astype(np.int32), (listed,), moves, forces)
 
     # --- growth ---------------------------------------------------------------------------
@@ -300,7 +299,7 @@ class Cracks(ForceTerm):
         for name in POINT.names:
             self.points[name] = table[name][order]
         self.strength[rows] = np.inf
-        self.any = self.comm.allreduce(rows.size) > 0
+        self.any = self.mesh.comm.allreduce(rows.size) > 0
         self._follow(self._solid)
 
     def _note(self, rows, state):
@@ -325,7 +324,7 @@ class Cracks(ForceTerm):
 
     def take_events(self):
         """What opened on any rank since the last call, by time and grain. Collective."""
-        found, self.events, self.news = self.comm.allgather(self.events), [], False
+        found, self.events, self.news = self.mesh.comm.allgather(self.events), [], False
         return sorted((e for some in found for e in some), key=lambda e: (e.time, e.grain))
 
 
