@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.bulk.cracks.cracks import Cracks
 from mufe_fenicsx.bulk.far_nodes import FarNodes
 from mufe_fenicsx.bulk.tools import Tool, tool_solids
 from mufe_fenicsx.contact.walls import Wall
@@ -28,6 +29,7 @@ from mufe_fenicsx.loading.pressure import Pressure
 from mufe_fenicsx.machine.files import append_line
 from mufe_fenicsx.machine.ranks import on_first_rank
 from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.materials.fracture import Fracture
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.output import checkpoint, run_folder
 from mufe_fenicsx.output.contacts import ContactWriter
@@ -399,6 +401,9 @@ CASES = {
     "run/scene_tools.py make_tools": Case(FIRST, new_run, "run.scene_tools.read_tools", ERROR),
     "run/scene_tools.py checksums_of_files": Case(
         FIRST, tool_without_a_file, says="tool lid: .*none"),
+    "bulk/cracks/cracks.py Cracks.__init__": Case(
+        LAST, lambda _: Cracks(simulation_of(cubes(), ROCK).specimen, Fracture(1e6, 1.0)),
+        "bulk.cracks.cracks._what_cannot_break", WRONG),
     "bulk/far_nodes.py FarNodes._ranks": Case(
         LAST, lambda _: far_nodes(9, 0), says="node 0 of grain 9, expected"),
     "bulk/far_nodes.py FarNodes.__init__": Case(

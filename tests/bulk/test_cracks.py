@@ -13,6 +13,7 @@ from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.fracture import Fracture, uniform
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.run.from_bodies import build
+from mufe_fenicsx.verification.cohesive_facet import cohesive_facet
 from mufe_fenicsx.verification.damaged_block import _block, _course
 from tests.bulk.test_growth import written
 
@@ -99,6 +100,11 @@ def test_law_against_its_twin(first):
         before = wanted
     assert (points["furthest"] > twin.zero + twin.limit).all()
     assert forces.energies(x).sum() / area[0] == pytest.approx(work, rel=1e-3)
+
+
+def test_case_of_one_facet():
+    """Which has no mesh, unlike the other cases."""
+    assert cohesive_facet(ALONE)["passed"]
 
 
 def test_search_finds_what_every_plane_says():

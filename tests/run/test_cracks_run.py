@@ -24,7 +24,7 @@ COMM = MPI.COMM_WORLD
 SCENE = Scene(
     material=Elastic(10e9, 0.2, 2650.0),
     contact=Contact(friction=0.4),
-    oedometer=Oedometer(strain=0.012, speed=20.0, ramp=0.002, seating_stress=1e4),
+    oedometer=Oedometer(strain=0.01, speed=30.0, ramp=0.002, seating_stress=1e4),
     output=Output(fields=3, history=21),
     fracture=Fracture(8e6, 4.0, modulus=6.0, seed=3),
 )

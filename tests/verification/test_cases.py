@@ -82,7 +82,6 @@ CHEAP = [
         },
         "slow",
     ),
-    ("cohesive-facet", {}, ""),
     ("damaged-block", {"cubes": 3, "steps": 4000, "undamped_steps": 12000}, ""),
     ("bar-in-tension", {}, ""),
     ("cracked-strip", {}, "slow"),
