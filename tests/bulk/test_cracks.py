@@ -133,7 +133,7 @@ def test_search_finds_what_every_plane_says():
 @pytest.mark.parametrize("element", ["averaged", "p1"])
 def test_nothing_jumps_where_facets_open(element):
     """Parts of a node go on with one acceleration; momenta, energies and their balance stay."""
-    s, cracks = pulled(element=element)
+    s, _ = pulled(element=element)
     first, turn = (
         s.solid.mass @ s.state.v,
         (s.solid.mass[:, None] * np.cross(s.mesh.x, s.state.v)).sum(0),

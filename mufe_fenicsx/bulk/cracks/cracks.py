@@ -31,7 +31,7 @@ class Event(NamedTuple):
 
 #: Steps from one look at all cells to the next; those near a strength are looked at in each.
 STEPS_BETWEEN_LOOKS = 4
-#: Facets beside those that soften open at this part of their strength: nodes at the front of a crack
+#: Facets beside those that soften open at this part of their strength: nodes at a front of cracks
 #: bear more than means of cells tell. They soften where their points reach the strength.
 BESIDE = 0.55
 #: Least stiffness of a point over E/h of the cells beside it.
