@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.errors import InputError, UnstableError
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.fracture import Fracture
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.run.recorder import Recorder
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver, load_scene, scene_to_toml
 from tests.bodies import RADIUS, packed_grains
@@ -24,7 +25,7 @@ COMM = MPI.COMM_WORLD
 SCENE = Scene(
     material=Elastic(10e9, 0.2, 2650.0),
     contact=Contact(friction=0.4),
-    oedometer=Oedometer(strain=0.01, speed=30.0, ramp=0.002, seating_stress=1e4),
+    oedometer=Oedometer(strain=0.007, speed=30.0, ramp=0.002, seating_stress=1e4),
     output=Output(fields=3, history=21),
     fracture=Fracture(8e6, 4.0, modulus=6.0, seed=3),
 )
@@ -80,6 +81,29 @@ def test_states_have_the_mesh_of_their_time(broken):
     for state in states:
         assert len(state.point_data["displacement"]) == state.n_points
         assert state.cells.reshape(-1, 5)[:, 1:].max() == state.n_points - 1
+
+
+def test_a_run_that_goes_back_closes_what_had_opened_since(broken, monkeypatch):
+    """To a checkpoint of another mesh; half the step from there on."""
+    scene = replace(SCENE, output=replace(SCENE.output, checkpoint_steps=10))
+    seen, check = [], Recorder.check_energy
+
+    def fail_once(recorder, energies):
+        if not seen and recorder.simulation.mesh.version > 2:
+            seen.append(recorder.simulation)
+            raise UnstableError("once")
+        check(recorder, energies)
+        seen[1:] = [recorder.simulation] * bool(seen)
+
+    monkeypatch.setattr(Recorder, "check_energy", fail_once)
+    summary = run(broken, "again", scene)
+    assert summary["finished"] and len(summary["retries"]) == 1
+    mesh, (cracks,) = seen[-1].mesh, seen[-1].specimen.opening_terms
+    opened = np.sort(np.sort(np.concatenate(mesh.opened)[:, :2]), axis=0)
+    assert np.array_equal(opened, np.sort(np.sort(cracks.facets.across[cracks.opened]), axis=0))
+    history = read_history(broken / "again" / "history.csv")
+    assert history["cracks_fracture"][-1] > 0.0
+    assert np.abs(history["residual"]).max() < 1e-2 * history["work"].max()
 
 
 def test_a_scene_with_fracture_is_written_and_read_again(tmp_path):
