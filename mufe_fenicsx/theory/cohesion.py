@@ -15,18 +15,6 @@ def linear_softening(opening, strength, energy):
     return strength * np.maximum(1.0 - np.asarray(opening) * strength / (2.0 * energy), 0.0)
 
 
-def release_rate_of_beams(half_opening, length, height, E):
-    """Energy release rate of a double cantilever whose arms bend apart [J/m²].
-
-        G = 3 E v² h³/(4 (a + 0.64 h)⁴) (1 + ...)
-
-    For arms of height h that are bent by v each at a distance a from the crack's front; the front
-    turns as if the arms were longer by 0.64 h (M. F. Kanninen, Int. J. Fract. 9, 1973, 83-92).
-    """
-    a = length + 0.64 * height
-    return 0.75 * E * half_opening**2 * height**3 / a**4
-
-
 def fragment_size_grady(rho, rate, energy):
     """Size of fragments [m] of a ring that expands at a rate of strain [1/s].
 
