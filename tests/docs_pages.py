@@ -278,6 +278,9 @@ class Reader:
         """`mufe` in this process, which has its libraries loaded."""
         if self.few and arguments[0] == "run" and "--max-steps" not in arguments:
             arguments = [*arguments, "--max-steps", str(FEW_STEPS)]
+            if "seating_at_rest = true" in Path(arguments[1]).read_text(encoding="utf-8"):
+                # To come to rest takes too many.
+                arguments = [*arguments, "--set", "oedometer.seating_at_rest=false"]
         if self.few and arguments[0] == "pack":
             at = arguments.index("--count") + 1
             arguments = [*arguments[:at], str(FEW_GRAINS), *arguments[at + 1 :]]

@@ -42,10 +42,11 @@ def lattice_network(force, counts=(2, 2, 3), D=2e-4, n=1.5):
         friction=t, torque=np.zeros((num, 3)), work=np.zeros(num),
     )  # fmt: skip
     area, between = np.full(num, 1e-10), b < len(places)
+    moment = area / np.pi * (0.25 - 1.0 / (24.0 * n**2))  # 2 n elements across
     patches = Patches(
         a=a, b=b, num_points=np.full(num, 30), area=area, area_deformed=1.1 * area,
         edge=np.sqrt(area / np.pi) / n, elements_per_radius=np.full(num, n),
-        elements_across=np.full(num, 2 * n), normal_force=np.full(num, force),
+        moment=moment[:, None, None] * np.eye(3), normal_force=np.full(num, force),
         overlap=1e-5 * area, force_share=1 / np.where(between, between.sum(), (~between).sum()),
         yield_stress=np.full(num, 1e8), between_grains=between,
     )  # fmt: skip
