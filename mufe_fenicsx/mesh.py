@@ -17,6 +17,7 @@ from .kernels.geometry.topology import (
     body_defect,
     boundary_facets,
     inner_facets,
+    number_pieces,
     part_nodes,
     rows_of,
     sides_of,
@@ -121,6 +122,9 @@ class GrainMesh:
     origin: np.ndarray | None = None  #: node of version 0 of each node, (num_nodes,); as source
     #: What was opened so far: rows (cell, cell across, version that the facet opened in).
     opened: list[np.ndarray] = field(default_factory=list)
+    #: Number of the piece of its grain that each cell is in, int32; None: all grains are whole.
+    #: Of a piece that parts, what has most cells keeps the number, and others get the next ones.
+    piece_of_cell: np.ndarray | None = None
 
     def _repr_html_(self) -> str:
         """Counts and size of this rank's part in a short table, which notebooks show. Local."""
@@ -245,6 +249,13 @@ class GrainMesh:
         """Local grain of each row of ``cells``, shape (num_cells,)."""
         return np.repeat(np.arange(self.num_grains, dtype=np.int32), np.diff(self.cell_offset))
 
+    @cached_property
+    def num_pieces(self) -> np.ndarray:
+        """Pieces of each grain of this rank, shape (num_grains,)."""
+        if self.piece_of_cell is None:
+            return np.ones(self.num_grains, dtype=np.int64)
+        return 1 + np.maximum.reduceat(self.piece_of_cell, self.cell_offset[:-1]).astype(np.int64)
+
     @property
     def cell_tags(self):
         """Label of each cell, as DOLFINx mesh tags; made anew."""
@@ -321,6 +332,32 @@ class GrainMesh:
         name_of_node = np.empty(self.num_nodes, dtype=np.int64)
         name_of_node[self.named_nodes] = np.arange(self.num_nodes)
         return self._with_parted(cells, parted, (name_of_node, name_of_cell), opened)
+
+    def in_pieces(self, holding: np.ndarray, before: "GrainMesh") -> "GrainMesh":
+        """The same mesh with the pieces of now, which no node and no other hold joins. Collective.
+
+        Args:
+            holding: Pairs of rows of ``cells`` that hang together beside those of one node, (n, 2).
+            before: What this one has grown from, or itself: then the version stays.
+
+        Returns:
+            It, with a ``source`` from ``before``; this mesh itself where no piece has come loose.
+        """
+        opened = np.concatenate([np.empty((0, 3), dtype=np.int64), *self.opened])
+        old = self.piece_of_cell
+        if old is None:
+            old = np.zeros(self.num_cells, dtype=np.int32)
+        name = np.empty(self.num_cells, dtype=np.int64)
+        broken = np.isin(self.grain_of_cell, self.grain_of_cell[opened[:, 0]])
+        if broken.any():
+            name[self.named_cells] = np.arange(self.num_cells)
+        piece = number_pieces(self.cells, old, self.grain_of_cell, name, broken, holding)
+        if not self.comm.allreduce(int((piece != old).any())):
+            return self
+        source, rows = self.source, (self.num_nodes, self.num_cells, len(self.facets))
+        if self is before:
+            source = Source(*map(np.arange, rows))
+        return replace(self, piece_of_cell=piece if piece.any() else None, source=source)
 
     def _with_parted(self, cells, parted, given, opened):
         """The next version. Collective.

@@ -169,8 +169,23 @@ class ForceTerm(Stateful):
         return {}
 
     def facets_to_open(self, state):
-        """Pairs of cells of this rank whose facet opens, None for none on any rank. Collective."""
+        """Pairs of cells of this rank whose facet opens, None for none on any rank. Collective.
+
+        With no pairs on any rank the mesh only looks for pieces that came loose.
+        """
         return None
+
+    def holding(self):
+        """Pairs of cells that hang together by the term, though their facet is open. Local."""
+        return np.empty((0, 2), dtype=np.int64)
+
+    def let_go(self, state):
+        """Leave the faces between two pieces of a grain to contact. Local.
+
+        Returns:
+            Sides of the cells beside them, shape (n, 2), and tractions on the first [Pa], (n, 3).
+        """
+        return np.empty((0, 2), dtype=np.int64), np.empty((0, 3))
 
     def stiffness(self, state):
         """Minus the derivative of the forces by the positions, None where there is none. Local.

@@ -53,24 +53,30 @@ def carry_contact(old, old_mesh, new, mesh, x):
     restore_contact(new, mesh, tables, everything_moves, grown=True)
 
 
-def touches(contact, nodes):
-    """Whether a pair of this rank, closed or near, has to do with some nodes. Collective.
+def beside(contact, nodes):
+    """Which pairs of this rank, closed or near, have to do with some nodes. Collective.
 
     Args:
         contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
         nodes: Whether each node of this rank is one of them, shape (num_nodes,).
+
+    Returns:
+        Flags of pairs of points with bodies, with walls, and of edges, each of shape (num_pairs,).
     """
-    p, w, points = contact.pairs, contact.walls.pairs, contact.points
+    p, points, edges = contact.pairs, contact.points, contact.edges
     flags = contact.ghosts.scratch_vector()
     flags.own[:, 0] = nodes[contact.own.nodes]
     flags.forward()
     flagged = flags.array[contact.ghosts.num_before :, 0] > 0.0
     flags.array[:] = 0.0
-    facet = contact.surface.facets[p.candidate]
-    own = points.corner[np.concatenate([p.node, w.node])]
-    e = contact.edges.pairs
-    ends = contact.edges.edges.ends[np.append(e.first, e.second)]
-    return any(flagged[of].any() for of in (facet, own, ends))
+    near = flagged[contact.surface.facets].any(axis=1)[p.candidate]
+    at_point = flagged[points.corner].any(axis=1)
+    at_edge = flagged[edges.edges.ends].any(axis=1)
+    of_pairs = at_point[p.node]
+    if of_pairs.size:
+        of_pairs |= np.logical_or.reduceat(near, p.first[:-1])
+    ends = at_edge[edges.pairs.first] | at_edge[edges.pairs.second]
+    return of_pairs, at_point[contact.walls.pairs.node], ends
 
 
 def _some(table, rows):

@@ -60,8 +60,9 @@ def exchange(contact, positions, reach, overlap=0.0):
     """
     layers, contact.searched = contact.layers, positions
     contact.surface, ghosts = exchange_surface(
-        contact.comm, contact.own, layers, positions, reach + overlap + layers.rise
-    )
+        contact.comm, contact.own, layers, positions, reach + overlap + layers.rise,
+        contact.dissipation.num_grains,
+    )  # fmt: skip
     contact.own = contact.surface.part_of(contact.own)
     contact.ghosts.renew(contact.surface, ghosts, positions)
     num_walls = len(contact.walls.walls)
@@ -90,6 +91,7 @@ def _search_facets(contact, reach, wait):
         contact.ghosts.positions.array, points, contact.ghosts.facets, surface,
         reach + highest(surface.bulge_of_facet), contact.motion.bound,
         contact.layers.strengths.any, contact.self_contact, contact.first_tool,
+        contact.dissipation.num_grains,
     )  # fmt: skip
     if old is not None:
         contact.pairs.transfer(old, surface.global_facet, wait)

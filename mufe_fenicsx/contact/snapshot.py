@@ -337,8 +337,15 @@ def restore_contact(contact, mesh, tables, everything_moves, grown=False):
 
 def _pairs(contact, names, table, candidates):
     node = names.rows_of_points(table).astype(np.int32)
-    order = np.lexsort((table["partner"], node))
     first = np.concatenate([[0], np.cumsum(table["count"])])
+    body, surface = table["partner"].astype(np.int32), contact.surface
+    if (surface.body_of_facet != surface.grain_of_facet).any():
+        # That of the closest facet: where a body has parted since others may be of another one.
+        one = first[:-1] + np.maximum(table["closest"], 0)
+        wanted = table["partner"], candidates["facet"][one]
+        known = names.facet_grain, names.facet
+        body = surface.body_of_facet[find_rows(known, wanted, "facet")]
+    order = np.lexsort((body, node))
     count = table["count"][order]
     new_first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     # Where each candidate stands in the table.
@@ -348,8 +355,8 @@ def _pairs(contact, names, table, candidates):
     facet = find_rows((names.facet_grain, names.facet), wanted, "facet")
     facet = facet.astype(np.int32)
     pairs = Pairs(
-        node[order], partner, new_first, facet, contact.points, contact.motion.bound,
-        contact.layers.strengths.any,
+        node[order], body[order], new_first, facet, contact.points,
+        contact.dissipation.num_grains, contact.motion.bound, contact.layers.strengths.any,
     )  # fmt: skip
     pairs.motion_bounds.take((name, table.pop(name)[order]) for name in pairs.motion_bounds.KEPT)
     pairs.candidate_next_check[:] = candidates.pop("next_check")[place]
@@ -390,14 +397,20 @@ def _set_edge_pairs(contact, names, table, grown):
         first, second = first[there], second[there]
     else:
         _all_known(first, there, "edge")
-    num = edges.grain.size
-    contact.edges.set_pairs(
-        (first % max(num, 1)).astype(np.int32), (second % max(num, 1)).astype(np.int32),
-        contact.motion.bound,
-    )  # fmt: skip
+    num = max(edges.grain.size, 1)
+    first_edge, second_edge = (edge.astype(np.int32) % num for edge in (first, second))
+    # Of two edges of a grain the one listed first comes first.
+    swap = (table["grain"] == table["partner"]) & (first_edge > second_edge)
+    ends = np.where(swap, second_edge, first_edge), np.where(swap, first_edge, second_edge)
+    contact.edges.set_pairs(*ends, contact.motion.bound)
     pairs = contact.edges.pairs
     for name in pairs.kept:
         getattr(pairs, name)[:] = table[name]
+    for name in ("place", "stick_point"):
+        getattr(pairs, name)[swap] = table[name][swap, ::-1]
+    for name in ("normal", "shear"):
+        getattr(pairs, name)[swap] *= -1.0
+    first, second = np.where(swap, second, first), np.where(swap, first, second)
     for column, edge in enumerate((first, second)):
         turned = edge >= num
         for name in ("place", "stick_point"):

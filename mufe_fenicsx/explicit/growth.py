@@ -7,15 +7,15 @@ has rows from those of before, through the ``state_dict`` of each part.
 from dataclasses import replace
 
 import numpy as np
-from mpi4py import MPI
 
-from ..contact.growth import carry_contact, touches
+from ..contact.growth import beside, carry_contact
+from ..contact.taking_over import take_over
 from ..errors import raise_together
 from ..state import ForceTerm
 
 
 def grown_mesh(specimen, between):
-    """The mesh of a specimen after a growth, itself where nothing parts. Collective.
+    """The mesh of a specimen after a growth, itself where nothing parts or comes loose. Collective.
 
     Args:
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
@@ -25,7 +25,9 @@ def grown_mesh(specimen, between):
         InputError: As of :meth:`~.Simulation.grow`; on all ranks.
     """
     raise_together(specimen.comm, what_cannot_grow(specimen, between))
-    return specimen.mesh.grow(between)
+    holding = [term.holding() for term in specimen.opening_terms]
+    mesh = specimen.mesh.grow(between)
+    return mesh.in_pieces(np.concatenate([np.empty((0, 2), np.int64), *holding]), specimen.mesh)
 
 
 def what_cannot_grow(specimen, between):
@@ -96,7 +98,7 @@ def carry_over(old, new):
     sp.mirrors.project(sp.f)
     new.state.a[changed] = sp.f[changed] / new.solid.mass[changed, None]
 
-    _meet_anew(new)
+    _meet_anew(new, _faces_let_go(new))
     gained = _energies(new) - before
     sp.initial_kinetic += gained[0]
     sp.first_energies += gained[1:]
@@ -104,28 +106,48 @@ def carry_over(old, new):
     old.stable.destroy()
 
 
-def _meet_anew(simulation):
+def _faces_let_go(simulation):
+    """Faces of cracks that become contact, and tractions, as of ForceTerm.let_go. Local."""
+    found = [term.let_go(simulation.state) for term in simulation.specimen.opening_terms]
+    none = np.empty((0, 2), dtype=np.int64), np.empty((0, 3))
+    return tuple(np.concatenate(of) for of in zip(none, *found, strict=True))
+
+
+def _meet_anew(simulation, faces):
     """Find pairs of new facets, and where a crack ends in a contact what the others store.
 
     The smooth surface beside it is another then. What overlaps now that was not in contact, as
     nodes do that have become vertices, is accepted as at the start: it carries from there on. Walls
-    keep their loads of the last step. Collective.
+    keep their loads of the last step. ``faces``: of :func:`_faces_let_go`, whose pairs bear what
+    these bore. Collective.
     """
     contact, walls, x = simulation.contact, simulation.walls, simulation.state.x
+    mesh, (sides, traction) = simulation.mesh, faces
+    any_faces = simulation.comm.allreduce(len(sides)) > 0
     contact.search(x)
     contact.bind()
     if contact.layers.kinematic:  # which stores nothing, and acts at other positions
         return
     new = np.zeros(len(x), dtype=bool)
-    new[simulation.mesh.facets[simulation.mesh.source.facets < 0]] = True
-    if not simulation.comm.allreduce(int(touches(contact, new)), op=MPI.MAX):
+    new[mesh.facets[mesh.source.facets < 0]] = True
+    new[mesh.cells[sides // 4]] = True
+    tables = contact.pairs, walls.pairs, contact.edges.pairs
+    touched = beside(contact, new)
+    if not simulation.comm.allreduce(sum(map(np.count_nonzero, touched))):
         return
     loads = walls.force, walls.torque, walls.curved.pressing
     kept = [load.copy() for load in loads]
+    waits = [table.next_check.copy() for table in tables]
+    for table, which in zip(tables, touched, strict=True):
+        table.next_check[~which] = np.inf  # the others stay as they are, to the last bit
     contact.begin_step(x)
     contact.add_forces(np.zeros_like(x), x, accept=True)
+    if any_faces:
+        take_over(contact, sides, traction, x)
     for load, value in zip(loads, kept, strict=True):
         load[:] = value
+    for table, which, wait in zip(tables, touched, waits, strict=True):
+        table.next_check[~which] = wait[~which]
 
 
 def _internal_forces(simulation):

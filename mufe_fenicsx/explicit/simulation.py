@@ -216,8 +216,8 @@ class Simulation(OfSpecimen):
         Where all cells around a node no longer hang together, it is doubled
         (:meth:`.GrainMesh.grow`). Parts of a node have its place and velocity, and the mass of the
         cells around each. What was there keeps forces, stress and contact; opened facets become
-        surface, without contact so far. They meet other bodies, and those of their own grain only
-        with ``self_contact``: else its pieces pass through each other.
+        surface, without contact so far. They meet other bodies, and what has come loose meets the
+        rest of its grain. The faces of a crack that has not gone through do not meet.
 
         What averaged elements store changes, as the mean of the volumes around a node becomes one
         for each part; so does what contacts store in which the opened facets end, whose smooth

@@ -6,6 +6,8 @@ the last search, from the positions of then. On the same number of ranks the ste
 follow give the same bits.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from mpi4py import MPI
 
@@ -14,7 +16,11 @@ from ..contact.start.reference import set_reference
 from ..errors import raise_together
 
 #: Columns of the tables that :func:`restore_mesh` reads, beside ``grain``.
-OF_MESH = {"nodes": ("reference",), "topology": ("cell", "across", "version")}
+OF_MESH = {
+    "nodes": ("reference",),
+    "topology": ("cell", "across", "version"),
+    "pieces": ("cell", "piece"),
+}
 
 
 def snapshot(simulation):
@@ -61,7 +67,7 @@ def snapshot(simulation):
 
 
 def _topology(mesh):
-    """Facets that opened, by the numbers of the cells on both sides in their grain. Collective."""
+    """Facets that opened and pieces, by the numbers of cells in their grain. Collective."""
     opened = np.concatenate([np.empty((0, 3), dtype=np.int64), *mesh.opened])
     if not mesh.comm.allreduce(len(opened)):
         return {}
@@ -70,7 +76,14 @@ def _topology(mesh):
     grain = mesh.grain_of_cell[opened[:, 0]]
     cell, across = number[opened[:, :2]].T - mesh.cell_offset[grain]
     names = {"cell": cell, "across": across, "version": opened[:, 2]}
-    return {"topology": {"grain": mesh.grains[grain]} | names}
+    tables = {"topology": {"grain": mesh.grains[grain]} | names}
+    piece = np.zeros(mesh.num_cells, dtype=np.int32)
+    if mesh.piece_of_cell is not None:
+        piece[:] = mesh.piece_of_cell
+    at = mesh.named_cells[piece[mesh.named_cells] > 0]
+    grain = mesh.grain_of_cell[at]
+    names = {"cell": number[at] - mesh.cell_offset[grain], "piece": piece[at]}
+    return tables | {"pieces": {"grain": mesh.grains[grain]} | names}
 
 
 def restore_mesh(mesh, tables):
@@ -98,7 +111,18 @@ def restore_mesh(mesh, tables):
         pairs, last = mesh.named_cells[place], opened["version"].max(initial=0)
         for version in range(1, mesh.comm.allreduce(int(last), op=MPI.MAX) + 1):
             mesh = mesh.grow(pairs[opened["version"] == version])
+        mesh = _with_pieces(mesh, tables["pieces"])
     return mesh
+
+
+def _with_pieces(mesh, table):
+    """The mesh with the pieces of grains that a table tells. Local."""
+    if not table["cell"].size:
+        return mesh
+    piece = np.zeros(mesh.num_cells, dtype=np.int32)
+    first = mesh.cell_offset[np.searchsorted(mesh.grains, table["grain"])]
+    piece[mesh.named_cells[first + table["cell"]]] = table["piece"]
+    return replace(mesh, piece_of_cell=piece)
 
 
 def _restore_reference(mesh, table):

@@ -152,7 +152,14 @@ def test_what_is_known_of_pairs_after_a_search(drift):
     # Facets that are not near any more, though the pairs are.
     bound = contact.motion.bound
     lost = Pairs(
-        pairs.node, pairs.grain, pairs.first, pairs.candidate, contact.points, bound, False
+        pairs.node,
+        pairs.body,
+        pairs.first,
+        pairs.candidate,
+        contact.points,
+        contact.dissipation.num_grains,
+        bound,
+        False,
     )
     before = contact.surface.global_facet
     pairs.drop_candidates(before)

@@ -34,6 +34,8 @@ STEPS_BETWEEN_LOOKS = 4
 #: Facets beside those that soften open at this part of their strength: nodes at a front of cracks
 #: bear more than means of cells tell. They soften where their points reach the strength.
 BESIDE = 0.55
+#: Steps from one look for pieces that come loose to the next.
+STEPS_BETWEEN_PIECES = 40
 #: Least stiffness of a point over E/h of the cells beside it.
 SOFTEST = 0.25
 
@@ -45,6 +47,9 @@ class Cracks(ForceTerm):
     point that bears the law of kernels/cracks/law.h. The first tractions are such that all parts of
     a node go on with the same acceleration (K. D. Papoulia, C.-H. Sam, S. A. Vavasis, IJNME 58,
     2003).
+
+    A piece of a grain that hangs by no facet any more that is closed, or open and not yet failed,
+    has come loose: its faces become contact, which bears what they did.
 
     Args:
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
@@ -83,6 +88,7 @@ class Cracks(ForceTerm):
         self.opened, self.points = np.empty(0, dtype=np.int64), np.zeros((0, 3), POINT)
         self.any = False  #: whether a facet is open on some rank
         self.near, self.watching = np.zeros(self.mesh.num_cells, np.uint8), False
+        self._num_failed = 0  # of this rank, at the last look for pieces
         self.events, self.news = [], False
         self._element_step = self.mesh.comm.allreduce(solid.first_time_step, op=MPI.MIN)
         self._follow(solid)
@@ -123,7 +129,7 @@ class Cracks(ForceTerm):
         return ((p["open"] != 0.0) & (p["furthest"] * p["stiffness"] > p["strength"])).any(axis=1)
 
     def facets_to_open(self, state):
-        """Pairs of cells whose facets open now, None where none does on any rank. Collective."""
+        """As of the term; none, of shape (0, 2), where pieces may have come loose. Collective."""
         stress = state.deviator, self._solid.pressure
         if not state.num_steps % STEPS_BETWEEN_LOOKS:
             if self.opened.size and (self._softened() != self._softer).any():
@@ -131,10 +137,10 @@ class Cracks(ForceTerm):
             self._search.watch(*stress)
             self.watching = self.mesh.comm.allreduce(self._search.num_listed) > 0
         if not self.watching:
-            return None
+            return self._look_for_pieces(state)
         rows = self._search(*stress, state.x)
         if not self.mesh.comm.allreduce(rows.size):
-            return None
+            return self._look_for_pieces(state)
         self.news = True
         self._note(rows, state)
         return self.declare_open(rows)
@@ -221,6 +227,39 @@ class Cracks(ForceTerm):
         none = np.empty(0, dtype=np.int64)
         moves, forces = (SurfaceVector(self.mesh.comm, at.size, none) for _ in range(2))
         return Springs(at.astype(np.int32), (listed,), moves, forces)
+
+    # --- pieces that come loose -----------------------------------------------------------
+
+    def _holds(self):
+        """Whether a point of each open facet is still whole, or softens. Local."""
+        p = self.points
+        failed = p["furthest"] - p["strength"] / p["stiffness"] >= p["ultimate"]
+        return ~((failed & (p["open"] != 0.0)) | (p["open"] < 0.0)).all(axis=1)
+
+    def holding(self):
+        """As of the term: across what has not failed at all of its points. Local."""
+        return self.facets.across[self.opened[self._holds()]].astype(np.int64)
+
+    def _look_for_pieces(self, state):
+        """No facets to open where more have failed than at the last look, else None. Collective."""
+        if not self.any or state.num_steps % STEPS_BETWEEN_PIECES:
+            return None
+        num, before = np.count_nonzero(~self._holds()), self._num_failed
+        self._num_failed = num
+        more = self.mesh.comm.allreduce(int(num > before))
+        return np.empty((0, 2), dtype=np.int64) if more else None
+
+    def let_go(self, state):
+        """As of the term; these points bear no more. Local."""
+        if self.mesh.piece_of_cell is None:
+            return super().let_go(state)
+        piece = self.mesh.piece_of_cell[self.facets.across[self.opened]]
+        rows = np.flatnonzero(
+            (piece[:, 0] != piece[:, 1]) & (self.points["open"] > 0.0).any(axis=1)
+        )
+        which = self.opened[rows]
+        across = 6 - self.facets.corners[which].sum(axis=2, dtype=np.int64)  # from the facet
+        return 4 * self.facets.across[which] + across, self._forces.leave(rows, state.x)
 
     # --- growth ---------------------------------------------------------------------------
 

@@ -19,8 +19,9 @@ class EdgeContact:
     """Contact of crossing sharp edges, of which no vertex need be inside the other grain.
 
     A pair is an own edge and an edge of a grain of higher number: the rank of the lower
-    grain evaluates it. Edges at less than ``PARALLEL`` (kernels/contact/crossing.h) to each other
-    are left to nodes and facets, as are edges that are not sharp (``OwnSurface.sharp_edge``).
+    grain evaluates it. Of two pieces of a grain the first edge is that listed first. Edges at less
+    than ``PARALLEL`` (kernels/contact/crossing.h) to each other are left to nodes and facets, as
+    are edges that are not sharp (``OwnSurface.sharp_edge``).
 
     The stiffness of a crossing is that of a node at its place on a facet, of the finer edge:
     k = A/2 / (c h/E* + c h/E*), A the mean area of the nodes at the edge's ends. Near a
@@ -139,7 +140,7 @@ class _Edges:
             s.facets, s.neighbour, s.global_facet, s.sharp_edge
         )
         self.num_own = int(np.count_nonzero(self.ends[:, 0] < num_own))
-        self.grain = s.grain_of_facet[sides[:, 0]]
+        self.grain, self.body = s.grain_of_facet[sides[:, 0]], s.body_of_facet[sides[:, 0]]
         self.area = np.empty(self.grain.size)
         edge_areas(self.area, self.ends, s.area_of_facet, s.ring_offset, s.ring)
         self.length = edge_of_area(self.area, 2)  #: of an even mesh [m]
@@ -208,7 +209,7 @@ def _search(x, edges, reach):
     shape = tuple(((high - low) / size).astype(np.int64) + 1)
     cells = sort_edges_into_cells(x, edges.ends, edges.num_own, low, size, shape)
     first, second = find_edge_pairs(
-        x, edges.ends, edges.grain, edges.num_own, reach, low, size, shape, *cells
+        x, edges.ends, edges.grain, edges.body, edges.num_own, reach, low, size, shape, *cells
     )
     # As cells have them, the order of sums would hang on where other grains are.
     order = np.lexsort((second, first))

@@ -1,4 +1,4 @@
-"""Pairs of a node and another grain: their search and what they remember."""
+"""Pairs of a point and another body: their search and what they remember."""
 
 import numpy as np
 
@@ -13,14 +13,18 @@ from .table import PairTable
 
 
 class Pairs(PairTable):
-    """Node-grain pairs of one rank, found by :func:`search_pairs`."""
+    """Pairs of points and bodies of one rank, found by :func:`search_pairs`.
+
+    ``body`` is as of :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
+    """
 
     STATE = {"here": (*PairTable.STATE["here"], "candidate_next_check", "closest")}
 
-    def __init__(self, node, grain, first, candidate, points, bound, yields):
+    def __init__(self, node, body, first, candidate, points, num_grains, bound, yields):
+        grain = body % num_grains
         bounds = MotionBounds(points.grain_of_point[node], grain, bound)
         super().__init__(PAIR, node, bounds, bound, yields)
-        self.grain, self.first, self.candidate = grain, first, candidate
+        self.body, self.grain, self.first, self.candidate = body, grain, first, candidate
         # Single precision is enough for bounds, and these are most of what a search keeps.
         self.candidate_next_check = np.full(candidate.size, -np.inf, dtype=np.float32)
         self.closest = np.full(node.size, -1, dtype=np.int64)
@@ -92,7 +96,7 @@ class Pairs(PairTable):
         self.motion_bounds.transfer(old.motion_bounds)
         bound = self.motion_bounds.now
         self.next_check[:] = bound
-        source = transfer_pairs(old.node, old.grain, self.node, self.grain)
+        source = transfer_pairs(old.node, old.body, self.node, self.body)
         new = np.flatnonzero(source >= 0)
         source = source[new]
         self.take_rows(new, old, source)
@@ -118,8 +122,10 @@ def _find(global_facet, wanted):
     return np.where(ordered[place] == wanted, order[place], -1)
 
 
-def search_pairs(x, points, facets, surface, reach, bound, yields, self_contact, first_tool):
-    """All pairs of own points with facets of other grains within ``reach``. Local.
+def search_pairs(
+    x, points, facets, surface, reach, bound, yields, self_contact, first_tool, num_grains
+):
+    """All pairs of own points with facets of other bodies within ``reach``. Local.
 
     The cost grows linearly with nodes and facets: a regular grid of cells about
     as large as a facet's box holds the points, and each facet looks into those
@@ -135,8 +141,9 @@ def search_pairs(x, points, facets, surface, reach, bound, yields, self_contact,
         yields: Whether some body of all ranks can yield.
         self_contact: Whether grains meet themselves too.
         first_tool: Grains from this one on are tools, which do not meet each other; None: none is.
+        num_grains: Of all ranks.
     """
-    num_points, grain_of_point = points.num_points, points.grain_of_point
+    num_points, body_of_point = points.num_points, points.body_of_point
     stands = np.maximum(-points.recess, 0.0)  # what points add to the reach
     extent = mean_extent(x, facets) if facets.size else 1.0
     low, high = box_around(x[:num_points])
@@ -146,13 +153,13 @@ def search_pairs(x, points, facets, surface, reach, bound, yields, self_contact,
     size = max(extent + farthest.mean(), np.cbrt(np.prod(span + extent) / max(num_points, 1)))
     shape = tuple((span / size).astype(np.int64) + 1)
     offset, nodes = sort_into_cells(x, num_points, low, size, shape)
-    grains = surface.grain_of_facet
-    alone = grains.size and (grains == grains[0]).all() and (grain_of_point == grains[0]).all()
+    bodies = surface.body_of_facet
+    alone = bodies.size and (bodies == bodies[0]).all() and (body_of_point == bodies[0]).all()
     first, candidate = find_candidates(
         x,
-        grain_of_point,
+        body_of_point,
         facets[:0] if alone else facets,
-        surface.grain_of_facet,
+        bodies,
         surface.use,
         reach,
         stands,
@@ -164,19 +171,20 @@ def search_pairs(x, points, facets, surface, reach, bound, yields, self_contact,
     )
     if self_contact:
         node, facet = find_self_candidates(
-            x, grain_of_point, surface.facets, surface.grain_of_facet, surface.ring_offset,
+            x, body_of_point, surface.facets, bodies, surface.ring_offset,
             surface.ring, farthest, points.depth, surface.depth_of_facet, low, size, shape,
             offset, nodes,
         )  # fmt: skip
         node = np.concatenate([np.repeat(np.arange(num_points), np.diff(first)), node])
         candidate = np.concatenate([candidate, facet])
-        order = np.lexsort((candidate, surface.grain_of_facet[candidate], node))
+        order = np.lexsort((candidate, bodies[candidate], node))
         candidate = candidate[order]
         first = np.searchsorted(node[order], np.arange(num_points + 1))
     if first_tool is not None:
         node = np.repeat(np.arange(num_points), np.diff(first))
-        meet = (grain_of_point[node] < first_tool) | (grains[candidate] < first_tool)
+        own, other = points.grain_of_point[node], surface.grain_of_facet[candidate]
+        meet = np.minimum(own, other) < first_tool
         candidate = candidate[meet]
         first = np.searchsorted(node[meet], np.arange(num_points + 1))
-    grouped = group_by_grain(first, candidate, surface.grain_of_facet)
-    return Pairs(*grouped, candidate, points, bound, yields)
+    grouped = group_by_grain(first, candidate, bodies)
+    return Pairs(*grouped, candidate, points, num_grains, bound, yields)

@@ -65,7 +65,7 @@ class Dissipation(Stateful):
     def change(self, old, new, old_walls, new_walls, old_crossings):
         """Close the accounts of the old pairs, and keep the slip of those that are dropped."""
         self.grain, self.partner, self.work = self.totals(old, old_walls, old_crossings)
-        for a, b, of in ((old, new, "grain"), (old_walls, new_walls, "wall")):
+        for a, b, of in ((old, new, "body"), (old_walls, new_walls, "wall")):
             dropped = transfer_pairs(b.node, getattr(b, of), a.node, getattr(a, of)) < 0
             np.add.at(self.slip_of_dropped, a.node[dropped], a.slip[dropped])
 

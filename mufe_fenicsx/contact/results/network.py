@@ -79,7 +79,7 @@ class Network:
         The first is N_cA of Nadimi & Fonseca (2018).
         """
         c, n = self.contacts, self.labels.size
-        wanted = c.active & ((c.b >= n) == walls)
+        wanted = c.active & ((c.b >= n) == walls) & (c.a != c.b)
         count = np.bincount(c.a[wanted], minlength=n)
         return count if walls else count + np.bincount(c.b[wanted], minlength=n)
 
@@ -197,6 +197,15 @@ def _own_sums(contact, x):
     work[:, _WORK] = done
     _, wall_normal = contact.walls.gaps(contact.ghosts.positions.array[w.node[at]], w.wall[at])
     crossings = closed_crossings(contact)
+    bodies = contact.edges.edges.body
+    e = contact.edges.pairs
+    crossed = np.flatnonzero(e.closed)
+    lower = [
+        contact.points.body_of_point[p.node[on]] < p.body[on],
+        np.ones(at.size, dtype=bool),
+        bodies[e.first[crossed]] < bodies[e.second[crossed]],
+        np.ones(done.size, dtype=bool),
+    ]
     grain = [
         grain_of_point[p.node[on]],
         grain_of_point[w.node[at]],
@@ -210,9 +219,10 @@ def _own_sums(contact, x):
         _sums_of_crossings(crossings),
         work,
     ]
-    grain, partner, sums = (np.concatenate(part) for part in (grain, partner, sums))
-    # Seen from the grain with the lower index, what has a direction changes its sign.
-    swap = partner < grain
+    grain, partner, sums, lower = map(np.concatenate, (grain, partner, sums, lower))
+    # Seen from the grain with the lower index, or the lower piece of one, what has a direction
+    # changes its sign.
+    swap = (partner < grain) | (partner == grain) & ~lower
     sums[swap, 4:] *= -1.0
     sums[swap, _PLACE] *= -1.0
     (a, b), (sums,) = sum_by_pair(np.minimum(grain, partner), np.maximum(grain, partner), sums)

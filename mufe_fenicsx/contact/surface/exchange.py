@@ -23,6 +23,7 @@ class Surface:
     facets: np.ndarray  #: local surface nodes, int32, shape (num_facets, 3)
     global_facet: np.ndarray  #: number over all ranks, shape (num_facets,)
     grain_of_facet: np.ndarray  #: global index of the grain, shape (num_facets,)
+    body_of_facet: np.ndarray  #: as of :class:`~.surface.OwnSurface`, shape (num_facets,)
     layer_of_facet: np.ndarray  #: compliance [m/Pa], shape (num_facets,)
     area_of_facet: np.ndarray  #: in the reference configuration [m²], shape (num_facets,)
     depth_of_facet: np.ndarray  #: part in the largest depth of pairs [m], shape (num_facets,)
@@ -106,7 +107,7 @@ class SurfaceVector(SurfaceArray):
             self.vector.destroy()
 
 
-def exchange_surface(comm, own, layers, x, reach):
+def exchange_surface(comm, own, layers, x, reach, num_grains):
     """Fetch the facets of other ranks that lie within ``reach`` of this rank's surface. Collective.
 
     Ranks whose boxes overlap, grown by ``reach``, tell each other which cells of a grid their
@@ -121,6 +122,7 @@ def exchange_surface(comm, own, layers, x, reach):
         layers: :class:`~mufe_fenicsx.contact.stiffness.layers.SurfaceLayers` of own facets.
         x: Positions of own surface nodes [m], shape (num_nodes, 3).
         reach: Distance [m].
+        num_grains: Of all ranks.
 
     Returns:
         :class:`Surface` and the global numbers of ghost nodes, shape (num_ghosts,).
@@ -132,6 +134,7 @@ def exchange_surface(comm, own, layers, x, reach):
         facets=own.facets,
         global_facet=first_facet + np.arange(num_facets),
         grain_of_facet=own.grain_of_facet,
+        body_of_facet=own.body_of_facet,
         layer_of_facet=np.array(layers.of_facet),
         area_of_facet=own.facet_area,
         depth_of_facet=layers.depth_of_facet,
@@ -153,18 +156,21 @@ def exchange_surface(comm, own, layers, x, reach):
         incoming = [part.view(np.int64).reshape(-1, NUMBERS) for part in incoming]
         far = np.concatenate([far, *incoming])
         for rank, *parts in zip(ranks, outgoing, incoming, strict=True):
-            known = (np.unique(part[:, 4] >> 4) for part in parts)
+            known = (np.unique((part[:, 4] >> 4) % num_grains) for part in parts)
             surface.neighbours.append((int(rank), *known))
-    return _with_far(surface, far, num_own) if len(far) else (surface, np.empty(0, np.int64))
+    if not len(far):
+        return surface, np.empty(0, np.int64)
+    return _with_far(surface, far, num_own, num_grains)
 
 
-def _with_far(surface, far, num_own):
+def _with_far(surface, far, num_own, num_grains):
     """A surface with facets of other ranks after its own, and the numbers of their nodes. Local.
 
     Args:
         surface: :class:`Surface` of this rank alone.
         far: Facets of other ranks, as of :func:`_packed`.
         num_own: Nodes of this rank.
+        num_grains: Of all ranks.
     """
     s, num_near = surface, len(surface.facets)
     ghosts, facets = np.unique(far[:, :3], return_inverse=True)
@@ -173,12 +179,13 @@ def _with_far(surface, far, num_own):
     neighbour = neighbours(facets)
     neighbour[neighbour >= 0] += num_near
     offset, ring = rings(facets, ghosts.size)
-    grain, flags = far[:, 4] >> 4, far[:, 4, None] >> np.arange(4) & 1
+    body, flags = far[:, 4] >> 4, far[:, 4, None] >> np.arange(4) & 1
     layer, area, depth = (far[:, 5 + k].copy().view(np.float64) for k in range(3))
     whole = Surface(
         facets=np.vstack([s.facets, facets + num_own]).astype(np.int32),
         global_facet=np.concatenate([s.global_facet, far[:, 3]]),
-        grain_of_facet=np.concatenate([s.grain_of_facet, grain]).astype(np.int32),
+        grain_of_facet=np.concatenate([s.grain_of_facet, body % num_grains]).astype(np.int32),
+        body_of_facet=np.concatenate([s.body_of_facet, body]).astype(np.int32),
         layer_of_facet=np.concatenate([s.layer_of_facet, layer]),
         area_of_facet=np.concatenate([s.area_of_facet, area]),
         depth_of_facet=np.concatenate([s.depth_of_facet, depth]),
@@ -268,7 +275,7 @@ def _packed(surface, near, num_nodes, first_node):
     rows = np.empty((send.size, NUMBERS), dtype=np.int64)
     rows[:, :3] = s.facets[send] + np.int64(first_node)
     rows[:, 3] = s.global_facet[send]
-    rows[:, 4] = 16 * s.grain_of_facet[send].astype(np.int64) + near[send]
+    rows[:, 4] = 16 * s.body_of_facet[send].astype(np.int64) + near[send]
     rows[:, 4] += s.sharp_edge[send] @ np.array([2, 4, 8])
     numbers = (
         s.layer_of_facet, s.area_of_facet, s.depth_of_facet, *s.compliance_of_edge.T,

@@ -40,6 +40,7 @@ class Points:
     )  #: own surface nodes around each point, int32, (num_points, 3); a node thrice
     rule: np.ndarray  #: weights of the points of one facet, shape (num, 3)
     grain_of_point: np.ndarray  #: global index of the grain, int32, shape (num_points,)
+    body_of_point: np.ndarray  #: as of :class:`~.surface.OwnSurface`, shape (num_points,)
     local_grain: np.ndarray  #: local index of the grain, shape (num_points,)
     area: np.ndarray  #: [m²], shape (num_points,)
     layer: np.ndarray  #: compliance of the layer [m/Pa], shape (num_points,)
@@ -151,6 +152,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
         corner=both(own.facets, np.stack([nodes] * 3, axis=1)),
         rule=rule,
         grain_of_point=both(own.grain_of_facet, own.grain_of_node),
+        body_of_point=both(own.body_of_facet, own.body_of_node),
         local_grain=both(own.local_grain_of_facet, mesh.grain_of_node[own.nodes]),
         area=both(own.facet_area / max(n, 1), own.area),
         layer=both(layer, node_layer),

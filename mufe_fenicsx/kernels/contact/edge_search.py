@@ -195,15 +195,17 @@ def sort_edges_into_cells(x, ends, num_edges, low, size, shape):
 
 
 @numba.njit(cache=True)
-def find_edge_pairs(x, ends, grain, num_own, reach, low, size, shape, cell_offset, cell_edges):
+def find_edge_pairs(x, ends, grain, body, num_own, reach, low, size, shape, cell_offset,
+                    cell_edges):  # fmt: skip
     """Pairs of an own edge with an edge of a grain of higher number within ``reach``.
 
-    So each pair of edges is found once, on the rank of the lower grain.
+    So each pair of edges is found once, on the rank of the lower grain. Of other bodies that are
+    pieces of the same grain the edge of higher number is the second.
 
     Args:
         x: Positions [m], shape (num_nodes, 3).
         ends: Ends of the edges, own edges first, shape (num_edges, 2).
-        grain: Their grains, shape (num_edges,).
+        grain, body: Their grains and bodies, shape (num_edges,).
         num_own: Number of own edges; these are in the grid.
         reach: Largest distance [m].
         low, size, shape, cell_offset, cell_edges: As in :func:`sort_edges_into_cells`.
@@ -225,7 +227,9 @@ def find_edge_pairs(x, ends, grain, num_own, reach, low, size, shape, cell_offse
                     cell = (i * shape[1] + j) * shape[2] + k
                     for m in range(cell_offset[cell], cell_offset[cell + 1]):
                         o = cell_edges[m]
-                        if grain[o] >= grain[e]:
+                        if grain[o] > grain[e]:
+                            continue
+                        if grain[o] == grain[e] and (body[o] == body[e] or o > e):
                             continue
                         # Both are in several cells: the pair counts in the first common one.
                         c, d = ends[o, 0], ends[o, 1]

@@ -106,6 +106,27 @@ void mufe_crack_energies(const cracks_type *c, double shear, const double *x, do
   }
 }
 
+/* Facets bear no more, and what their springs hold is rubbed off; ``traction``: the mean one on their
+   first sides until now [Pa], row after row. */
+void mufe_leave_cracks(const cracks_type *c, double shear, const double *x, const int64_t *which,
+                       double *traction, int64_t num) {
+  const law_type law = {shear};
+  for (int64_t m = 0; m < num; m++) {
+    double frame[3][3], w[3], t[3];
+    frame_of(frame, x, c->nodes + 6 * which[m]);
+    for (int k = 0; k < 3; k++) {
+      point_type *kept = c->points + 3 * which[m] + k, p = *kept;
+      if (p.open <= 0.0) continue;
+      stretch_of(w, &p, frame, x, c->nodes[6 * which[m] + k], c->nodes[6 * which[m] + 3 + k]);
+      bear(t, &p, law, c->friction[which[m]], w);
+      for (int j = 0; j < 3; j++)
+        traction[3 * m + j] += (t[0] * frame[0][j] + t[1] * frame[1][j] + t[2] * frame[2][j]) / 3.0;
+      kept->rubbed += stored(kept, law, w);
+      kept->open = -1.0;
+    }
+  }
+}
+
 /* Points begin to bear a traction [Pa] of three global components each, row after row. */
 void mufe_begin_cracks(const cracks_type *c, double shear, const double *x, const int64_t *which,
                        const double *traction, int64_t num) {

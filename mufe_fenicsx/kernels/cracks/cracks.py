@@ -52,6 +52,9 @@ class CrackForces:
         self._energies = library.mufe_crack_energies
         self._energies.argtypes = [pointer, number, pointer, pointer, integer]
         self._energies.restype = None
+        self._leave = library.mufe_leave_cracks
+        self._leave.argtypes = [pointer, number, *[pointer] * 3, integer]
+        self._leave.restype = None
         self._begin = library.mufe_begin_cracks
         self._begin.argtypes = [pointer, number, *[pointer] * 3, integer]
         self._begin.restype = None
@@ -87,6 +90,23 @@ class CrackForces:
             self._pointers.table, self._shear, address(x), address(which, np.int64),
             address(traction), which.size,
         )  # fmt: skip
+
+    def leave(self, which, x):
+        """Let facets bear no more; what their springs hold is counted as rubbed off.
+
+        Args:
+            which: Of them, int64, shape (n,).
+            x: As of :meth:`add`.
+
+        Returns:
+            Mean tractions on their first sides until now [Pa], shape (n, 3).
+        """
+        traction = np.zeros((which.size, 3))
+        self._leave(
+            self._pointers.table, self._shear, address(x), address(which, np.int64),
+            address(traction), which.size,
+        )  # fmt: skip
+        return traction
 
 
 class FacetSearch:

@@ -270,6 +270,50 @@ def _rings(triangles, one, other):
     return ends
 
 
+def number_pieces(cells, before, grain_of_cell, name_of_cell, broken, holding):
+    """Numbers of the pieces that the cells of grains hang together in. Local.
+
+    Cells hang together by nodes, and by what holds them beside. Of a piece that parts, the part of
+    most cells keeps the number, of as many the one of the first cell by name; the others get the
+    next numbers of their grain, by their first cells.
+
+    Args:
+        cells: Nodes of the tetrahedra, shape (num_cells, 4).
+        before: Numbers before, shape (num_cells,).
+        grain_of_cell: Their grains, shape (num_cells,).
+        name_of_cell: Numbers that know no ranks within a grain, shape (num_cells,).
+        broken: Whether the grain of each cell can be in pieces, shape (num_cells,).
+        holding: Pairs of cells, shape (n, 2).
+
+    Returns:
+        Numbers now, int32, shape (num_cells,).
+    """
+    mine = np.flatnonzero(broken)
+    if not mine.size:
+        return before
+    mine = mine[np.lexsort((name_of_cell[mine], grain_of_cell[mine]))]
+    row_of_cell = np.empty(len(cells), dtype=np.int64)
+    row_of_cell[mine] = np.arange(mine.size)
+    size = mine.size + int(cells.max()) + 1
+    row = np.concatenate([np.repeat(np.arange(mine.size), 4), row_of_cell[holding[:, 0]]])
+    column = np.concatenate([mine.size + cells[mine].ravel(), row_of_cell[holding[:, 1]]])
+    graph = coo_array((np.ones(row.size, bool), (row, column)), (size, size))
+    part = connected_components(graph, directed=False)[1][: mine.size]
+    _, first, part, count = np.unique(part, True, True, True)
+    grain, of = grain_of_cell[mine[first]], before[mine[first]]
+    order = np.lexsort((first, -count, of, grain))
+    same = (grain[order[1:]] == grain[order[:-1]]) & (of[order[1:]] == of[order[:-1]])
+    number, new = of.copy(), order[1:][same]
+    new = new[np.argsort(first[new])]  # grain after grain
+    begin = np.searchsorted(grain[new], grain[new])
+    most = np.zeros(grain.max() + 1, dtype=np.int32)
+    np.maximum.at(most, grain, of)
+    number[new] = most[grain[new]] + 1 + np.arange(new.size) - begin
+    now = before.copy()
+    now[mine] = number[part]
+    return now
+
+
 def _sorted_rows(rows):
     """Order of rows of node numbers, and whether each but the first equals the one before."""
     base = np.int64(rows.max(initial=0)) + 1
