@@ -19,7 +19,8 @@ def take_over(contact, sides, traction, x):
         traction: On the first ones [Pa], shape (num, 3).
         x: Present positions [m], shape (num_nodes, 3).
     """
-    before = contact.energy()[0] + contact.dissipation.total
+    done = contact.dissipation
+    before = contact.energy()[0] + done.total + done.switched
     pairs, face, bears = _pairs_across(contact, sides, traction)
     p, surface, points = contact.pairs, contact.surface, contact.points
     layers = points.layer[p.node[pairs]] + surface.layer_of_facet[face]
@@ -38,7 +39,7 @@ def take_over(contact, sides, traction, x):
     along = np.einsum("nij,nj->ni", np.linalg.pinv(edges), spring)
     p.stick_point[pairs] -= np.column_stack([-along.sum(axis=1), along])
     p.shear[pairs] = (p.stiffness[pairs] * layers)[:, None] * shear
-    contact.dissipation.switched += before - contact.energy()[0] - contact.dissipation.total
+    done.switched += before - contact.energy()[0] - done.total - done.switched
 
 
 def _pairs_across(contact, sides, traction):
