@@ -45,6 +45,9 @@ def take_over(contact, sides, traction, x):
 def _pairs_across(contact, sides, traction):
     """Pairs of points in the faces with the bodies across, their facets there, and tractions."""
     own, p, points = contact.own, contact.pairs, contact.points
+    if not len(sides):
+        none = np.empty(0, dtype=np.int64)
+        return none, none, np.empty((0, 3))
     rows = rows_of(own.side, sides.ravel()).reshape(-1, 2)
     bears = np.zeros((len(own.facets), 3))
     across = np.full(len(own.facets), -1)

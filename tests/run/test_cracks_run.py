@@ -66,7 +66,8 @@ def test_events_and_energies_tell_of_the_same_cracks(broken):
     taken = sum(float(e["energy"]) for e in events)
     assert taken == pytest.approx(4.0 * sum(float(e["area"]) for e in events))
     fracture = history["cracks_fracture"]
-    assert 0.0 < fracture[-1] <= taken and (np.diff(fracture) > -1e-6 * fracture[-1]).all()
+    # Beside G what the spring of a point held before it softened: σ²/2k, here a third of G at most.
+    assert 0.0 < fracture[-1] <= 1.3 * taken and (np.diff(fracture) > -1e-6 * fracture[-1]).all()
     parts = [history[f"cracks_{name}"] for name in ("stored", "fracture", "friction", "damping")]
     assert sum(parts) == pytest.approx(history["energy_cracks"], abs=1e-9 * fracture[-1])
     assert np.abs(history["residual"]).max() < 1e-2 * history["work"].max()
