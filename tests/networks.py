@@ -52,4 +52,5 @@ def lattice_network(force, counts=(2, 2, 3), D=2e-4, n=1.5):
     )  # fmt: skip
     walls = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"]
     labels = np.arange(10, 10 + len(places))
-    return Network(labels, walls, np.ones(len(places)), centre, contacts, patches)
+    whole = np.ones(len(places), dtype=np.int64)
+    return Network(labels, walls, np.ones(len(places)), centre, contacts, patches, whole)

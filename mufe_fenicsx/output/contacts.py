@@ -65,6 +65,7 @@ GRAIN_COLUMNS = (
     "contact_area",  # with neighbours and walls [m²]
     *_vector("force"),  # of all contacts and walls: mass times acceleration [N]
     "friction_work",  # half of that with neighbours, all of that with walls [J]
+    "num_fragments",  # pieces that it is in
 )
 
 PATCH_COLUMNS = (
@@ -215,6 +216,7 @@ def grain_rows(network):
         network.sum_over_contacts(c.area, c.area),
         *network.sum_over_contacts(c.force, -c.force).T,
         network.sum_over_contacts(half, half),
+        network.num_fragments,
     ]
     return _rows(columns)
 

@@ -27,6 +27,7 @@ UNITS = {
     "grain grain_a grain_b body tool strong sliding chain ratio mobilised strong_force force_share "
     "anisotropy fabric grains_in_chains elements_per_radius elements_across plastic_strain "
     "volume_expansion shear_strain yielded_volume_fraction unstressed under_contact inside "
+    "fragment broken_grains "
     "age_strain since_strain difference closure void_ratio porosity log10_stress K0",
 }
 _UNIT_OF = {name: unit for unit, names in UNITS.items() for name in names.split()}

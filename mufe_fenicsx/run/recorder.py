@@ -22,6 +22,8 @@ from ..output.tools import ToolWriter
 from .energy_guard import EnergyGuard
 from .event_table import EventTable
 
+#: Columns of the history where grains can break: pieces of broken grains, and how many these are.
+BROKEN = ("num_fragments", "broken_grains")
 #: Volume in which grains overlap over theirs, from which on a test means nothing.
 MOST_OVERLAP = 0.2
 
@@ -56,6 +58,7 @@ class Recorder:
                 *history_columns(self.container),
                 *loading.columns,
                 *simulation.specimen.energy_columns,
+                *(BROKEN if simulation.specimen.opening_terms else ()),
                 *simulation.tools.columns,
             ),
             comm=mesh.comm,
@@ -106,7 +109,7 @@ class Recorder:
         )  # fmt: skip
 
     def _follow_mesh(self):
-        """Go on with a mesh that has grown. Collective."""
+        """Write states on a mesh that has grown. Collective."""
         mesh, folder = self.simulation.mesh, self.history.path.parent
         if mesh.version == self.fields.version:
             return
@@ -143,6 +146,7 @@ class Recorder:
         """One row of the history. Returns its energies [J]."""
         self._check_lock()
         sim, loading = self.simulation, self.loading
+        self.voids.cells = sim.mesh.cells[: sim.mesh.num_sample_cells]
         forces, energies = loading.measures.forces(), sim.energies()
         active = sim.num_active_grains()
         added, largest = sim.scaling.shares() if sim.scaling else (0.0, 0.0)
@@ -177,6 +181,12 @@ class Recorder:
         if self.tools is not None:
             row.update(sim.tools.row())
         row.update(loading.row(forces))
+        if sim.specimen.opening_terms:
+            pieces = sim.mesh.num_pieces[sim.mesh.is_of_sample]
+            broken = pieces[pieces > 1]
+            row.update(
+                zip(BROKEN, sim.comm.allreduce(np.array([broken.sum(), broken.size])), strict=True)
+            )
         self.history.append(row)
         self._check_overlap(overlap)
         self._row_step = sim.state.num_steps
@@ -250,6 +260,7 @@ class Recorder:
                 ),
                 "pressure": Computed((num_cells,), lambda rows: -solid.mean_stress(state, rows)),
                 "plastic_strain": state.plastic_strain[:num_cells],
+                **self._fragments(num_cells),
                 **({"plastic_work": Computed((num_cells,), work)} if dents.any else {}),
             },
         )
@@ -264,6 +275,14 @@ class Recorder:
             loads = sim.tools.forces()
             self._note([self.tools.write(self.num_states, state.t, state.x, loads)])
         self.num_states += 1
+
+    def _fragments(self, num_cells):
+        """Field of the pieces of grains, none where grains cannot break. Local."""
+        if not self.simulation.specimen.opening_terms:
+            return {}
+        piece = self.simulation.mesh.piece_of_cell
+        whole = np.zeros(num_cells, dtype=np.int32)
+        return {"fragment": whole if piece is None else piece[:num_cells]}
 
     def _note(self, names, mesh=None):
         """Record files that were written; rank 0 does so, whose checkpoint header counts."""

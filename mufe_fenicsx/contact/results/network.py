@@ -72,6 +72,7 @@ class Network:
     centre: np.ndarray  #: their centres of mass [m], shape (num_grains, 3)
     contacts: Contacts
     patches: Patches  #: of these contacts, as facets resolve them
+    num_fragments: np.ndarray  #: pieces that each grain is in, shape (num_grains,)
 
     def num_active(self, walls=False):
         """Active contacts of each grain with grains, or with walls, shape (num_grains,).
@@ -122,14 +123,18 @@ def find_network(contact, mesh, mass, x, strength=None):
     first_moment = np.zeros((mesh.num_grains, 3))
     np.add.at(first_moment, mesh.grain_of_node, mass[:, None] * x)
     parts = comm.gather(
-        (mesh.grains, grain_mass, first_moment / grain_mass[:, None], _own_sums(contact, x))
-    )
+        (
+            mesh.grains, mesh.num_pieces, grain_mass, first_moment / grain_mass[:, None],
+            _own_sums(contact, x),
+        )
+    )  # fmt: skip
     if comm.rank:
         return None
     num_bodies, num_grains = mesh.labels.size, mesh.num_sample_grains
     all_mass, centre = np.empty(num_bodies), np.empty((num_bodies, 3))
-    for grains, grain_mass, grain_centre, _ in parts:
-        all_mass[grains], centre[grains] = grain_mass, grain_centre
+    num_pieces = np.empty(num_bodies, dtype=np.int64)
+    for grains, number, grain_mass, grain_centre, _ in parts:
+        num_pieces[grains], all_mass[grains], centre[grains] = number, grain_mass, grain_centre
     (a, b), (sums,) = sum_by_pair(
         *(np.concatenate(p) for p in zip(*(s for *_, s in parts), strict=True))
     )
@@ -141,6 +146,7 @@ def find_network(contact, mesh, mass, x, strength=None):
         centre=centre,
         contacts=_contacts(a[of_grains], b[of_grains], sums[of_grains], centre),
         patches=patches,
+        num_fragments=num_pieces[:num_grains],
     )
 
 
