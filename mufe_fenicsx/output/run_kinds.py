@@ -62,6 +62,7 @@ def _separation(value):
 _FOUND = ("slowest", "fastest", "largest_kinetic", "largest_unbalanced")
 _ADDED = ("added", "added_to_grain", "num_elements", "gain")
 _CARRIED = ("num_grains", "num_idle", "num_half", "heaviest")
+_BREAKAGE = ("num_fragments", "broken", "split", "chipped", "hardin", "einav", "d10", "d50")
 _STEPS = {"failed_at_step": _count, "from_step": _count, "cause": _text,
           "time_step_factor": _number}  # fmt: skip
 #: Name -> whether a value is of its kind; None is of all kinds.
@@ -90,6 +91,7 @@ KINDS = {
     ),
     "quasi_static": lambda value: _table(**_numbers(*_FOUND))(value)
     and (not value.get("slowest") or _table(_FOUND)(value)),
+    "breakage": _table(**_numbers(*_BREAKAGE)),
     "mass_scaling": _table(_ADDED, **_numbers(*_ADDED)),
     "tools": _list_of(
         _table(

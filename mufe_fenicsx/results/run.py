@@ -278,6 +278,13 @@ class Run:
         """
         return described(sample_tables.stresses(self), "stresses")
 
+    def breakage(self) -> pandas.DataFrame:
+        """Sizes of fragments and numbers of breakage at each stored state, a DataFrame.
+
+        See :func:`mufe_fenicsx.results.sample_tables.breakage`.
+        """
+        return described(sample_tables.breakage(self), "breakage")
+
     def network(self) -> pandas.DataFrame:
         """Fabric, coordination, sliding and force chains at each stored state, a DataFrame.
 

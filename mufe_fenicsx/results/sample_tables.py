@@ -1,12 +1,17 @@
 """Tables of the sample as a whole: curves of its history, stress of contacts and walls."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pandas
 
 from ..analysis import macro
+from ..analysis.breakage import breakage as numbers_of
+from ..analysis.breakage import fragments_of
 from ..analysis.quasi_static import kinetic_ratio
 from ..container import BOX
 from ..errors import InputError
+from ..geometry.measure import tet_volumes
 from .columns import STRESS, vectors
 
 
@@ -15,6 +20,26 @@ def curves(run, width=0.01):
     history = run.history
     found = macro.oedometer_curves(history, run.lengths(history), run.solid_volume, width)
     return pandas.DataFrame({"time": history["time"], "stage": history["stage"], **found})
+
+
+def breakage(run):
+    """Numbers of breakage at each stored state, a row a state.
+
+    Columns: ``state``, ``time``, ``strain`` and those of
+    :class:`~mufe_fenicsx.analysis.breakage.Breakage`, of the volumes in the reference
+    configuration.
+
+    Raises:
+        InputError: Its grains cannot break: states have no field ``fragment``.
+    """
+    rows = []
+    for listed in run.stored_states:
+        state = run.state(listed["index"])
+        volume = tet_volumes(state.reference, state.cells)
+        found = numbers_of(*fragments_of(volume, state.grain, state.field("fragment")))
+        row = {"state": state.index, "time": state.time, "strain": state.strain}
+        rows.append(row | asdict(found))
+    return pandas.DataFrame(rows)
 
 
 def stresses(run):

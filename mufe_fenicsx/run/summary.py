@@ -1,9 +1,13 @@
 """What run.json says of a test: dicts fit for JSON, the same on all ranks."""
 
+import math
 import time
+from dataclasses import asdict
 
+import numpy as np
 from mpi4py import MPI
 
+from ..analysis.breakage import breakage, fragments_of
 from ..machine.memory import peak_memory
 from ..output.run_folder import versions
 
@@ -83,7 +87,20 @@ def of_end(simulation):
         "deepest_at_start": comm.allreduce(contact.overlaps.deepest, op=MPI.MAX),
         **dict(zip(closed, comm.allreduce(contact.counts()).tolist(), strict=True)),
     }
+    if simulation.specimen.opening_terms:
+        numbers = asdict(_breakage(simulation))
+        found["breakage"] = {k: v if math.isfinite(v) else None for k, v in numbers.items()}
     return found | masses(simulation)
+
+
+def _breakage(simulation):
+    """:class:`~mufe_fenicsx.analysis.breakage.Breakage` of now. Collective."""
+    mesh, cells = simulation.mesh, slice(simulation.mesh.num_sample_cells)
+    piece = mesh.piece_of_cell
+    piece = np.zeros(mesh.num_cells, dtype=np.int32) if piece is None else piece
+    grain = mesh.grains[mesh.grain_of_cell[cells]]
+    own = fragments_of(simulation.solid.volume0[cells], grain, piece[cells])
+    return breakage(*map(np.concatenate, zip(*mesh.comm.allgather(own), strict=True)))
 
 
 def masses(simulation):

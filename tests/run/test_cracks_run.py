@@ -15,6 +15,8 @@ from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.output.contacts import read_contacts
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.output.run_folder import read_run_json
+from mufe_fenicsx.results import Run
 from mufe_fenicsx.run.recorder import Recorder
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver, load_scene, scene_to_toml
@@ -90,6 +92,12 @@ def test_pieces_are_in_fields_tables_and_the_history(broken):
     several = numbers[numbers > 1]
     assert history["num_fragments"][-1] == several.sum() > history["num_fragments"][0] == 0
     assert history["broken_grains"][-1] == several.size
+    table, last = Run(folder).breakage(), read_run_json(folder)["breakage"]
+    assert table["num_fragments"].iloc[-1] == last["num_fragments"] == several.sum()
+    assert table["broken"].iloc[-1] == pytest.approx(several.size / 3)
+    einav = table["einav"].to_numpy()
+    assert 0.0 < einav[0] < einav[-1] == pytest.approx(last["einav"])
+    assert (table.attrs["units"]["d50"], table.attrs["units"]["split"]) == ("m", "-")
 
 
 @pytest.mark.mpi
