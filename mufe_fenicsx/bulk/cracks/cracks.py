@@ -120,8 +120,12 @@ class Cracks(ForceTerm):
             self.mesh, solid.volume0, opens, self.near, shear, solid.element == "averaged"
         )
         self._nodes, area = facets.nodes(self.mesh, self.opened), facets.area[self.opened]
-        self._area, friction = area / 3.0, self._friction[self.opened]
+        friction = self._friction[self.opened]
         self._forces = CrackForces(self._nodes, area, friction, self.points, shear)
+
+    def _areas(self, which):
+        """Areas of points, three to an open facet [m²], shape (n,). Local."""
+        return self.facets.area[self.opened[which // 3]] / 3.0
 
     def _softened(self):
         """Whether a point of each open facet has begun to soften, shape (num_opened,). Local."""
@@ -210,7 +214,7 @@ class Cracks(ForceTerm):
             return None
         which = np.flatnonzero(self.points["open"].ravel() > 0.0)
         p, pair = self.points.ravel()[which], self._nodes.reshape(-1, 2, 3).swapaxes(1, 2)
-        pair, area = pair.reshape(-1, 2)[which], np.repeat(self._area, 3)[which]
+        pair, area = pair.reshape(-1, 2)[which], self._areas(which)
         at, place = np.unique(pair, return_inverse=True)
         listed = SpringList.empty(which.size, 2)
         listed.nodes[:] = place.reshape(-1, 2)
@@ -289,7 +293,7 @@ class Cracks(ForceTerm):
         if not which.size:
             return
         one, other = sides[:, 0].ravel()[which], sides[:, 1].ravel()[which]
-        area, mass = np.repeat(self._area, 3)[which], after.solid.mass
+        area, mass = self._areas(which), after.solid.mass
         traction = first_tractions(one, other, area, guess[which // 3], after.f, mass)
         self._stiffen(which, one, other, area, mass)
         self._forces.begin(which, traction, new.x)
