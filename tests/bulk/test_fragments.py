@@ -142,7 +142,8 @@ def cracked(steps=300):
     s.add_term(cracks)
     places = s.mesh.x[cracks.facets.nodes(s.mesh)[:, :3], 2]
     middle = (np.abs(places - SIDE) < 1e-9).all(axis=1)
-    cracks.strength[:] = np.where(middle, 1e6, 1e12)
+    cracks.strength[:] = np.where(middle, 1e6, np.inf)
+    cracks._follow(s.solid)
     s.walls.velocity[s.walls.names.index("z_max"), 2] = -0.3
     for _ in range(steps):
         s.step()
