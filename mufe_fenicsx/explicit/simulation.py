@@ -220,8 +220,7 @@ class Simulation(OfSpecimen):
         rest of its grain. The faces of a crack that has not gone through do not meet.
 
         What averaged elements store changes, as the mean of the volumes around a node becomes one
-        for each part; so does what contacts store in which the opened facets end, whose smooth
-        surface is another. Both count as energy of the start, not as work.
+        for each part. It counts as energy of the start, not as work.
 
         ``mesh``, ``state`` and all other parts are new ones afterwards.
 

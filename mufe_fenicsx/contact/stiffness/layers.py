@@ -9,7 +9,7 @@ from ...kernels.build.pair_rows import POINT_DENT
 from ...state import Stateful
 from ..laws import LAYERS, inertial_layers, largest_depths, replace_layers
 from ..pairs.edge_pairs import edge_compliances
-from ..surface.bulges import bulges_of, highest, no_bulges
+from ..surface.bulges import bulges_beside_cracks, bulges_of, highest, no_bulges
 from ..surface.points import surface_points
 from .strength import Strengths
 
@@ -42,7 +42,7 @@ class SurfaceLayers(Stateful):
         self.compliance_of_edge = edge_compliances(own, x, of_mesh)
         faceted = self.kinematic or settings.points == "nodes"
         #: The smooth surface over the facets, :class:`~mufe_fenicsx.contact.surface.bulges.Bulges`.
-        self.smooth = no_bulges(own) if faceted else bulges_of(own, x[own.nodes])
+        self.smooth = no_bulges(own) if faceted else smooth_surface(mesh, own, x)
         #: By how much smooth surfaces bring facets nearer [m], and how much faster than points
         #: their gaps go at most, on all ranks.
         self.rise, self.steepest = self._bounds(mesh.comm, own, x)
@@ -102,3 +102,10 @@ class SurfaceLayers(Stateful):
     def ahead(self):
         """How much later than walls the positions are at which contact acts [s]."""
         return self.step if self.kinematic else 0.0
+
+
+def smooth_surface(mesh, own, x):
+    """The smooth surface over own facets, with cracks or without. Local."""
+    if mesh.origin is None:
+        return bulges_of(own, x[own.nodes])
+    return bulges_beside_cracks(own, x[own.nodes], mesh.origin[own.nodes])

@@ -14,11 +14,11 @@ its angle there, over the facets that no edge parts where the surface turns by m
 ``SHARP_EDGE``, in or out. Where all are flat, q and o vanish.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .surface import SHARP_EDGE
+from .surface import SHARP_EDGE, neighbours
 
 #: As in kernels/contact/pairs.h.
 XI = 0.104
@@ -56,6 +56,32 @@ class Bulges:
 def no_bulges(own):
     """Facets that are what they are: no smooth surface over them. Local."""
     return Bulges(np.zeros((len(own.facets), 6)), np.zeros((len(own.facets), 3)))
+
+
+def bulges_beside_cracks(own, x, origin):
+    """The smooth surface over own facets, of which cracks have cut some. Local.
+
+    Facets that were surface at the start stay as curved as they were: a body does not move where it
+    is cut. Those of a crack, two with the same nodes at the start, are as flat as they lie.
+
+    Args:
+        own, x: As of :func:`bulges_of`.
+        origin: Node at the start of each own surface node, shape (num_nodes,).
+    """
+    found, names = bulges_of(own, x), origin[own.facets]
+    _, same, count = np.unique(
+        np.sort(names, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    old = np.flatnonzero(count[same.reshape(-1)] == 1)
+    nodes, one, facets = np.unique(names[old], return_index=True, return_inverse=True)
+    facets = facets.reshape(-1, 3).astype(np.int32)
+    whole = replace(
+        own, nodes=nodes, facets=facets, neighbour=neighbours(facets),
+        facet_area=own.facet_area[old], mirror=own.mirror[old],
+    )  # fmt: skip
+    before = bulges_of(whole, x[own.facets[old].ravel()[one]])
+    found.bulge[old], found.curvature[old] = before.bulge, before.curvature
+    return found
 
 
 def bulges_of(own, x):
