@@ -86,7 +86,7 @@ def test_edge_pairs_against_all_pairs():
     size = 0.2
     shape = tuple((np.ptp(x[: 2 * num_own], axis=0) / size).astype(np.int64) + 1)
     cells = sort_edges_into_cells(x, ends, num_own, low, size, shape)
-    own, other = find_edge_pairs(x, ends, grain, num_own, reach, low, size, shape, *cells)
+    own, other = find_edge_pairs(x, ends, grain, grain, num_own, reach, low, size, shape, *cells)
     found = sorted(zip(own.tolist(), other.tolist(), strict=True))
     twin = [
         (i, j)

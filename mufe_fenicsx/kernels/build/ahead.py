@@ -52,7 +52,7 @@ LOOPS = {
     "boxes.boxes_of_groups": "d2 i1 i1 l",
     "walls.farthest": "d2 d2",
     "walls.find_wall_candidates": "d2 b2 d2 d2 d1 d",
-    "edge_search.find_edge_pairs": "d2 i2 i1 l d d1 d l*3 l1 i1",
+    "edge_search.find_edge_pairs": "d2 i2 i1 i1 l d d1 d l*3 l1 i1",
     # After the set-up.
     "energy.kinetic_energy": "d2 d2 d d d1 l2",
     "energy.elastic_energy": "d1 d2 d2 i2 d1 l1 l1 i1 l1 d1 d1 d1 d1 d1 l",
