@@ -63,7 +63,7 @@ class Specimen(Stateful):
 
     STATE = {
         "nodes": ("f",),
-        "sum": ("initial_kinetic", "first_energies", "damped"),
+        "sum": ("initial_kinetic", "first_energies", "damped", "parted"),
     }
     SHARED = ("f",)
 
@@ -116,6 +116,8 @@ class Specimen(Stateful):
         self.initial_kinetic = 0.0
         #: Energy that damping, stabilisation and changes of added mass took on this rank [J].
         self.damped = 0.0
+        #: Energy that went where nodes parted on this rank, below zero where it came [J].
+        self.parted = 0.0
         self.first_energies = np.empty(0)  #: of the added terms, on this rank [J]
         if gravity is not None:
             weight = self.glued.free_mass(weighed)
@@ -355,7 +357,7 @@ class Specimen(Stateful):
             kinetic: Kinetic energy of this rank's grains [J].
 
         Returns:
-            dict with kinetic, elastic, plastic, friction, switching, contact and damping;
+            dict with kinetic, elastic, plastic, friction, switching, contact, damping and parting;
             ``energy_NAME`` of each added term that has an energy, since the start; ``work`` of the
             walls; ``residual``, what none explains; and ``plastic_dents``, a part of plastic.
         """
@@ -369,6 +371,7 @@ class Specimen(Stateful):
             "switching": self.contact.dissipation.switched,
             "contact": contact,
             "damping": self.damped,
+            "parting": self.parted,
         }
         for term, first in zip(self.added_terms, self.first_energies, strict=True):
             if not np.isnan(first):

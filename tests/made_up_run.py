@@ -66,6 +66,7 @@ def fake_history(num_rows=200, strain=0.1, area=1e-6, height=1e-3):
         "speed": np.full(e.size, 2.0),
         "added_mass": np.zeros(e.size),
         "switching": np.zeros(e.size),
+        "parting": np.zeros(e.size),
         "added_mass_of_grain": np.zeros(e.size),
         "stage": np.where(np.arange(e.size) < num_rows // 10, "seating", "loading"),
         "force_z_max": force * wiggle,

@@ -3,7 +3,9 @@
 import numpy as np
 
 #: What the work of the walls turns into; older runs have no "switching".
-ENERGIES = ("kinetic", "elastic", "plastic", "friction", "switching", "contact", "damping")
+ENERGIES = (
+    "kinetic", "elastic", "plastic", "friction", "switching", "contact", "damping", "parting"
+)  # fmt: skip
 
 
 #: How columns begin that hold the energy of a force term, as "energy_gravity".

@@ -100,7 +100,7 @@ def carry_over(old, new):
 
     _meet_anew(new, _faces_let_go(new))
     gained = _energies(new) - before
-    sp.initial_kinetic += gained[0]
+    sp.parted -= gained[0]
     sp.first_energies += gained[1:]
     old.contact.destroy()
     old.stable.destroy()

@@ -220,7 +220,7 @@ class Simulation(OfSpecimen):
         rest of its grain. The faces of a crack that has not gone through do not meet.
 
         What averaged elements store changes, as the mean of the volumes around a node becomes one
-        for each part. It counts as energy of the start, not as work.
+        for each part. The account ``parting`` has it.
 
         ``mesh``, ``state`` and all other parts are new ones afterwards.
 

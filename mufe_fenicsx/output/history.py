@@ -25,6 +25,7 @@ AFTER = (
     "switching",
     "contact",
     "damping",
+    "parting",
     "work",
     "residual",
     "added_mass",
@@ -54,7 +55,7 @@ def history_columns(container):
 COLUMNS = history_columns(BOX)
 #: Those that runs of earlier versions lack.
 NEWER_COLUMNS = (
-    *("length_x", "length_y", "switching", "plastic_dents"),
+    *("length_x", "length_y", "switching", "plastic_dents", "parting"),
     *("elements_per_radius", "elements_per_radius_tenth", "overlap"),
     *("unbalanced_x", "unbalanced_y", "unbalanced_z"),
     *VOIDS,

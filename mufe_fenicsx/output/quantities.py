@@ -21,7 +21,8 @@ UNITS = {
     "N m": "torque",
     "Pa": "stress tensile_stress target modulus von_mises pressure pore_pressure "
     "contact_pressure contact_shear yield_stress shear_xz shear_tz",
-    "J": "kinetic elastic plastic contact switching damping work residual energy friction_work",
+    "J": "kinetic elastic plastic contact switching damping parting work residual energy "
+    "friction_work",
     "rad": "rotation angle turn twist neighbours excess",
     "-": "step strain gamma state since rank probe num N_cA coordination added_mass wall normal "
     "grain grain_a grain_b body tool strong sliding chain ratio mobilised strong_force force_share "

@@ -41,6 +41,7 @@ ENERGIES = {
     "switching": ("facet switching", style.BLACK, "-."),
     "contact": ("contact springs", style.SKY, "--"),
     "damping": ("damping", style.PINK, "-."),
+    "parting": ("parting of nodes", style.GREY, "--"),
     "kinetic": ("kinetic", style.GREEN, ":"),
 }
 

@@ -205,7 +205,7 @@ class Cracks(ForceTerm):
         return float(self._forces.energies(state.x).sum())
 
     def parts_of_energy(self, state):
-        """What of that is stored no more [J], by name. Local."""
+        """What of that is stored, and where the rest went [J], by name. Local."""
         return dict(zip(ENERGIES, self._forces.energies(state.x), strict=True))
 
     def springs(self, state, margin):
