@@ -114,12 +114,11 @@ def _faces_let_go(simulation):
 
 
 def _meet_anew(simulation, faces):
-    """Find pairs of new facets, and where a crack ends in a contact what the others store.
+    """Find pairs of new facets, and look anew at those that a crack ends beside. Collective.
 
-    The smooth surface beside it is another then. What overlaps now that was not in contact, as
-    nodes do that have become vertices, is accepted as at the start: it carries from there on. Walls
-    keep their loads of the last step. ``faces``: of :func:`_faces_let_go`, whose pairs bear what
-    these bore. Collective.
+    What overlaps now that was not in contact, as nodes do that have become vertices, is accepted as
+    at the start: it carries from there on. Walls keep their loads of the last step. ``faces``: of
+    :func:`_faces_let_go`, whose pairs bear what these bore.
     """
     contact, walls, x = simulation.contact, simulation.walls, simulation.state.x
     mesh, (sides, traction) = simulation.mesh, faces
