@@ -17,12 +17,16 @@ from mufe_fenicsx.output.run_kinds import sorted_out
 #: Made by whoever writes into a run folder, and gone when that ends (:mod:`.run_lock`).
 LOCK = "run.lock"
 
+#: Time by parts, of runs with a profile.
+PROFILE = "profile.csv"
+
 #: What a run and its report write into their folder; only this, and parts of it, is ever deleted.
 OWN_FILES = (
     "scene.toml",
     "run.json",
     "history.csv",
     "events.csv",
+    PROFILE,
     "quality.csv",
     "quality.png",
     "grains.csv",

@@ -23,6 +23,7 @@ from mufe_fenicsx.report import (
     motion,
     network,
     parameters,
+    profile,
     shearing,
     style,
     tools,
@@ -68,6 +69,7 @@ FIGURES = (
     ("displacement-split", "translation, rotation and strain of grains", motion.draw_split),
     (localisation.NAME, "localisation of strain", localisation.draw_localisation),
     ("mesh-quality", "mesh quality", histograms.draw_mesh_quality),
+    (profile.NAME, "time by parts", profile.draw_profile),
     (animation.NAME, "animation", None),
 )
 #: All that may be chosen, or left out.
@@ -87,7 +89,7 @@ GROUPS = (
     ("force-chains", "fabric-rose", "force-distribution", "active-contacts", "contact-age"),
     ("mesh-quality", TABLES),
     ("stress-strain", "forces", "compression", triaxial.NAME, shearing.NAME, cyclic.NAME),
-    (tools.NAME, "energies", "dissipation", "quasi-static"),
+    (tools.NAME, "energies", "dissipation", "quasi-static", profile.NAME),
 )
 #: Figures that show bodies in space.
 RENDERED = {"stress-3d", "chosen-grains", "force-chains", "displacement-split", animation.NAME}

@@ -12,7 +12,17 @@ from mufe_fenicsx.analysis.probes import find_cells
 from mufe_fenicsx.analysis.rows import branches, tool_load, tool_names
 from mufe_fenicsx.errors import InputError, nearest_name
 from mufe_fenicsx.machine.files import own_folder, reason
-from mufe_fenicsx.report import compare, cyclic, localisation, shearing, style, tools, triaxial
+from mufe_fenicsx.output.run_folder import PROFILE
+from mufe_fenicsx.report import (
+    compare,
+    cyclic,
+    localisation,
+    profile,
+    shearing,
+    style,
+    tools,
+    triaxial,
+)
 from mufe_fenicsx.report.figure import remove_listed, save, write_index
 from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.report.parts import FIGURES, NAMES, TABLES, VIEW, draw_parts, num_processes
@@ -251,6 +261,8 @@ def _not_of_this_test(source):
         absent.add(cyclic.NAME)
     if localisation.too_few(source.summary.get("num_grains")):
         absent.add(localisation.NAME)  # a row of the page says so
+    if not (source.folder / PROFILE).exists():
+        absent.add(profile.NAME)
     return absent
 
 

@@ -36,6 +36,7 @@ class Profile:
         self.simulation = simulation
         self.seconds = dict.fromkeys([*PARTS, "output"], 0.0)
         self._inner = [0.0]  # time of parts within the one that runs now
+        self._course = []  # rows of the table
         self._start, self._first = time.perf_counter(), simulation.state.num_steps
         self._searches = simulation.contact.num_searches
         for part, methods in PARTS.items():
@@ -61,6 +62,35 @@ class Profile:
                 self._inner[-1] += spent
 
         return timed
+
+    def watch(self, recorder):
+        """Time what a recorder writes, and keep a row of the table with each of its rows. Local.
+
+        Args:
+            recorder: :class:`~.recorder.Recorder`.
+        """
+        after_step = self.timed(recorder.after_step, "output")
+
+        def after_step_and_note():
+            after_step()
+            if recorder.row_step == self.simulation.state.num_steps:
+                self._note(recorder.loading.strain)
+
+        recorder.after_step = after_step_and_note
+
+    def _note(self, strain):
+        steps = self.simulation.state.num_steps - self._first
+        total = time.perf_counter() - self._start
+        self._course.append([strain, steps, *self.seconds.values(), total])
+
+    def table(self, strain):
+        """Text of profile.csv, with a last row of now. Collective."""
+        self._note(strain)
+        comm, width = self.simulation.comm, 3 + len(self.seconds)
+        rows = comm.allreduce(np.array(self._course).reshape(-1, width)) / comm.size
+        rows[:, -1] -= rows[:, 2:-1].sum(axis=1)  # what no part is
+        head = ",".join(["strain", "steps", *self.seconds, "other"])
+        return "\n".join([head, *(",".join(f"{v:.9g}" for v in row) for row in rows), ""])
 
     def summary(self):
         """Seconds of each part on every rank, sizes, and what is sent in a step. Collective.

@@ -80,7 +80,7 @@ class Recorder:
         self._field_interval = loading.state_interval(output.fields)
         self._stage, *following = kept.get("next", (None, 0.0, 0.0))
         self._next_row, self._next_state = map(float, following)
-        self._row_step = kept.get("row_step")  # of the last row, None before the first
+        self.row_step = kept.get("row_step")  # of the last row, None before the first
 
     def state_dict(self):
         """What a recorder that goes on from here has to know, fit for JSON; rows are on disk."""
@@ -94,7 +94,7 @@ class Recorder:
             "num_states": self.num_states,
             "events": self.events.kept,
             "next": (self._stage, self._next_row, self._next_state),
-            "row_step": self._row_step,
+            "row_step": self.row_step,
         }
 
     def _field_writer(self, folder, kept, same_ranks, version):
@@ -139,7 +139,7 @@ class Recorder:
 
     def write_last_row(self):
         """The row of the step that a run ends with, unless it is written already."""
-        if self._row_step != self.simulation.state.num_steps:
+        if self.row_step != self.simulation.state.num_steps:
             self.write_row()
 
     def write_row(self):
@@ -189,7 +189,7 @@ class Recorder:
             )
         self.history.append(row)
         self._check_overlap(overlap)
-        self._row_step = sim.state.num_steps
+        self.row_step = sim.state.num_steps
         self.check_energy(energies)
         return energies
 

@@ -13,10 +13,11 @@ from mpi4py import MPI
 from ..arguments import checked
 from ..errors import InputError, Interrupted, SolverError, UnstableError
 from ..machine.doing import Doing
+from ..machine.files import write_atomically
 from ..machine.memory import return_freed_arrays
 from ..machine.ranks import on_first_rank
 from ..output.checkpoint import CheckpointWriter, find_checkpoint, written_by
-from ..output.run_folder import write_run_json
+from ..output.run_folder import PROFILE, write_run_json
 from ..output.run_lock import LostFolder, RunLock
 from ..scene import Scene
 from ..scene.usual import unusual
@@ -168,17 +169,24 @@ class TestRun:
 
     def _end(self):
         """Write and return the summary of what was computed. Collective."""
-        comm, summary = self.comm, self.summary
+        comm, summary, tables = self.comm, self.summary, {}
         stress = float(self.recorder.vertical_stress())
         summary["stress"] = stress if math.isfinite(stress) else None
         summary |= self.now() | of_end(self.simulation)
         summary |= judged(self.simulation, self.place.folder, summary, self.recorder.volumes)
         if self.profile is not None:
             summary["profile"] = self.profile.summary()
+            tables[PROFILE] = self.profile.table(self.loading.strain)
         if self.options.after is not None:
             summary |= self.options.after(summary)
         self.place.lock.check()
-        on_first_rank(comm, lambda: write_run_json(self.place.folder, summary))
+
+        def write():
+            for name, text in tables.items():
+                write_atomically(self.place.folder / name, text)
+            write_run_json(self.place.folder, summary)
+
+        on_first_rank(comm, write)
         comm.Barrier()  # every rank finds complete files when this returns
         return summary
 
@@ -264,8 +272,7 @@ class TestRun:
             raise
         self.profile = Profile(self.simulation) if self.options.profile else None
         if self.profile is not None:
-            after_step = self.profile.timed(self.recorder.after_step, "output")
-            self.recorder.after_step = after_step
+            self.profile.watch(self.recorder)
         if self.first_kept is None and checkpoint is None:
             self.first_kept = self.recorder.state_dict()
 

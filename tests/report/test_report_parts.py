@@ -1,6 +1,7 @@
 """What the figures of a report are made of, against exact cases."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from mufe_fenicsx.analysis import mesh_quality
 from mufe_fenicsx.output import fields
 from mufe_fenicsx.output.history import HistoryWriter
-from mufe_fenicsx.report import chains, compare, curves, motion, parts, run_names, style
+from mufe_fenicsx.report import chains, compare, curves, motion, parts, profile, run_names, style
 from mufe_fenicsx.report.sample import boundary_faces
 from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.report.summary import largest_values
@@ -23,6 +24,21 @@ ROUND_OFF = 1e-12
 def test_each_part_is_drawn_by_one_process():
     drawn = [name for group in parts.GROUPS for name in group]
     assert sorted(drawn) == sorted([*parts.NAMES, parts.VIEW, parts.TABLES])
+
+
+def test_bars_of_the_profile_add_up_to_the_time_of_all_steps(tmp_path):
+    """Eleven parts of uneven rows, of which the smallest are one bar: 66 s in 1000 steps."""
+    names = [f"part {k}" for k in range(11)]
+    rows = [[0.1 * n, n, *(n / 1000 * (k + 1) ** (1 + n % 2) for k in range(11))]
+            for n in (0, 100, 400, 1000)]  # fmt: skip
+    head = ",".join(["strain", "steps", *names])
+    lines = [",".join(map(str, row)) for row in rows]
+    (tmp_path / "profile.csv").write_text("\n".join([head, *lines, ""]))
+    steps, run = profile.draw_profile(SimpleNamespace(folder=tmp_path)).figure.axes
+    area = sum(bar.get_width() * bar.get_height() for bar in steps.patches)
+    assert area / 1e3 == pytest.approx(66.0, rel=ROUND_OFF)  # bars are in ms
+    assert len(run.patches) == len(style.SERIES)
+    assert sum(bar.get_width() for bar in run.patches) == pytest.approx(66.0, rel=ROUND_OFF)
 
 
 def test_boundary_faces_close_the_body():

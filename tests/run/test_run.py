@@ -284,6 +284,10 @@ def test_a_profile_changes_nothing_and_adds_up(folder, grains):
         assert min(seconds.values()) >= 0.0 and seconds["tets"] > 0.0 and seconds["other"] > 0.0
         assert (rank["bytes_per_step"] > 0) == (comm.size > 1)
     assert sum(rank["cells"] for rank in profile["ranks"]) == timed["num_cells"]
+    table = read_history(folder / "b" / "profile.csv")
+    assert table.pop("steps")[-1] == 60 and table.pop("strain")[-1] == timed["strain"]
+    assert table.keys() == profile["ranks"][0]["seconds"].keys()
+    assert all((np.diff(seconds) > -1e-6).all() for seconds in table.values())  # it has 9 digits
 
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="two grains")
