@@ -114,6 +114,10 @@ ramp = 0.002              # strain over which the platen reaches this speed
 seating_stress = "2 MPa"  # the platen first closes the gaps, up to this stress
 seating_speed = "0.3 m/s" # slowly, so that single impacts stay below it
 seating_at_rest = true    # and holds it until all is at rest; false: the test begins at once
+
+[mass_scaling]            # mass where it lengthens the time step most: half of the steps;
+added = 0.2               # at most so much of the mass of all grains, and of one; leave the
+added_to_grain = 1.0      # table out where grains are "rigid" or "auto", and in static increments
 """
 
 DAMPED = """
