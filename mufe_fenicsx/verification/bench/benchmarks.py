@@ -11,6 +11,7 @@ import time
 import traceback
 
 from ...errors import InputError
+from .cracks import cracks, whole_and_growing
 from .elements import elements
 from .exchange import exchange
 from .family import family, packing, paper
@@ -121,6 +122,7 @@ BENCHMARKS = {
     "elements": elements,
     "overhead": overhead,
     "membrane": membrane,
+    "cracks": cracks,
 }
 #: What `mufe bench` runs without a name: the others take an hour or more.
 USUAL = ("box", "search", "elements", "overhead", "hertz")
@@ -129,6 +131,7 @@ MEASUREMENTS = {
     "turns": turns,
     "small": small,
     "in_membrane": in_membrane,
+    "whole_and_growing": whole_and_growing,
 }
 
 
