@@ -39,6 +39,7 @@ FIELDS = (
     Field("contact_pressure", "Contact pressure", "Pa", "pressure"),
     Field("contact_shear", "Shear traction at contacts", "Pa", "pressure"),
     Field("contact_slip", "Slip distance at contacts", "m", "pressure"),
+    Field("fragment", "Fragment of its grain, 0: the largest", "", "stress"),
 )
 
 
@@ -82,6 +83,8 @@ class _Builder:
         if not states:
             return None, ["No 3D view: no stored state can be read.", *self._missing()]
         first = states[0]
+        if "fragment" in states[-1].fields:
+            first = states[-1]  # that has the faces of all cracks
         try:
             self.mesh = first.reference, first.cells, first.grain
         except InputError as error:

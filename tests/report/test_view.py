@@ -216,6 +216,18 @@ def test_nodes_in_another_order_are_found():
         same_nodes((points, cells, grain), (moved, cells[[1, 0, 2]], grain))
 
 
+def test_nodes_that_have_parted_are_found_by_their_cells():
+    """Two tetrahedra on a face; two of its nodes have parted in the other state."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+    whole = points, np.array([[0, 1, 2, 3], [1, 2, 3, 4]]), np.array([5, 5])
+    apart = points[[4, 1, 2, 3, 0, 2, 1]], np.array([[1, 2, 3, 0], [4, 6, 5, 3]]), np.array([5, 5])
+    assert np.array_equal(same_nodes(apart, whole), [4, 1, 2, 3, 0, 2, 1])
+    turned = apart[0], apart[1][::-1, [1, 0, 2, 3]], apart[2]
+    assert np.array_equal(same_nodes(apart, turned), np.arange(7))
+    there = same_nodes(whole, apart)
+    assert np.array_equal(apart[0][there], points)
+
+
 @pytest.mark.usefixtures("unpainted")
 def test_report_of_a_run_that_goes_on(tmp_path):
     """A row half written, a state whose contacts are not there yet, run.json of the start."""
