@@ -31,6 +31,8 @@ DYNAMIC = (
 SEEN = 1e-6
 #: Dents below this part of the plastic dissipation are not drawn; the data have them.
 SEEN_DENTS = 0.01
+#: What cracks dissipate.
+OF_CRACKS = ("cracks_fracture", "cracks_friction", "cracks_damping")
 #: Stages of a test that turns back that have an arrow.
 ARROWS = 8
 #: label, colour and line of each energy.
@@ -43,7 +45,13 @@ ENERGIES = {
     "damping": ("damping", style.PINK, "-."),
     "parting": ("parting of nodes", style.GREY, "--"),
     "kinetic": ("kinetic", style.GREEN, ":"),
+    "cracks_fracture": ("fracture", style.PINK, "-"),
+    "cracks_friction": ("friction in cracks", style.ORANGE, ":"),
+    "cracks_stored": ("springs of cracks", style.SKY, "-."),
+    "cracks_damping": ("damping in cracks", style.PINK, ":"),
 }
+#: Energy of a term whose parts are drawn instead.
+IN_PARTS = "energy_cracks"
 
 
 def draw_stress_strain(source):
@@ -252,7 +260,7 @@ def draw_energies(source):
     left.plot(strain, work / factor, color=style.BLACK, label="work of the walls")
     there = {name: look for name, look in ENERGIES.items() if name in history}
     for name in history:
-        if name.startswith(energy_check.OF_TERM):
+        if name.startswith(energy_check.OF_TERM) and name != IN_PARTS:
             there[name] = (name.removeprefix(energy_check.OF_TERM), style.GREY, "-.")
     for name, (label, colour, line) in there.items():
         if np.abs(history[name]).max() > SEEN * work.max():
@@ -293,10 +301,11 @@ def draw_dissipation(source):
     strain, over = source.over(history["strain"], history["time"])
     factor, unit = style.unit_of(np.append(history["plastic"], history["friction"]), "J")
     least = SEEN * history["work"].max()
-    names = ("plastic", "friction", "damping")
-    shown = {name: history[name] for name in names if history[name].max() > least}
     lines = {"plastic": "-", "friction": "--", "damping": "-.", "plastic_dents": ":"}
-    looks = {name: (name, ENERGIES[name][1]) for name in names}
+    lines |= {name: ENERGIES[name][2] for name in OF_CRACKS}
+    names = [n for n in ("plastic", "friction", "damping", *OF_CRACKS) if n in history]
+    shown = {name: history[name] for name in names if history[name].max() > least}
+    looks = {name: ENERGIES[name][:2] for name in names}
     in_dents = energy_check.dents_share(history)
     if in_dents >= SEEN_DENTS:
         shown["plastic_dents"] = history["plastic_dents"]

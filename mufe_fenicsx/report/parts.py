@@ -14,6 +14,7 @@ from mufe_fenicsx.machine.memory import free_memory
 from mufe_fenicsx.output.run_folder import write_atomically
 from mufe_fenicsx.report import (
     animation,
+    breakage,
     chains,
     curves,
     cyclic,
@@ -51,6 +52,8 @@ FIGURES = (
     (shearing.NAME, "shear stress, shear strain and volume", shearing.draw_shear),
     (cyclic.NAME, "cycles of loading", cyclic.draw_cycles),
     (tools.NAME, "forces and torques on tools", tools.draw_tools),
+    (breakage.NAME, "breakage", breakage.draw_breakage),
+    (breakage.SIZES, "sizes of fragments", breakage.draw_fragments),
     ("energies", "energy balance", curves.draw_energies),
     ("dissipation", "dissipation", curves.draw_dissipation),
     ("energies-of-a-grain", "energies of a grain", grains.draw_energies),
@@ -89,7 +92,8 @@ GROUPS = (
     ("force-chains", "fabric-rose", "force-distribution", "active-contacts", "contact-age"),
     ("mesh-quality", TABLES),
     ("stress-strain", "forces", "compression", triaxial.NAME, shearing.NAME, cyclic.NAME),
-    (tools.NAME, "energies", "dissipation", "quasi-static", profile.NAME),
+    (tools.NAME, breakage.NAME, breakage.SIZES),
+    ("energies", "dissipation", "quasi-static", profile.NAME),
 )
 #: Figures that show bodies in space.
 RENDERED = {"stress-3d", "chosen-grains", "force-chains", "displacement-split", animation.NAME}
@@ -263,6 +267,12 @@ def _tables(name, source, figures):
         tables = []
     if source.get("classes"):
         tables.append(contact_rows(source))
+    if history is not None and "num_fragments" in history:
+        try:
+            tables.append(("Breakage", breakage.breakage_rows(source)))
+        except (InputError, *DAMAGE) as error:
+            why = error if isinstance(error, InputError) else damaged(error)
+            missing.append(f"No table of breakage: {why}.")
     about_test = []
     try:
         about_test = parameters.parameter_rows(source)

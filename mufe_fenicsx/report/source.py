@@ -151,6 +151,11 @@ class Source:
         return {name: values[rows] for name, values in self.history.items()}
 
     @cached_property
+    def events(self):
+        """What opened in grains that break, dict column -> array."""
+        return read_history(self.folder / "events.csv")
+
+    @cached_property
     def turns_back(self):
         """Whether the strain falls in some stage of the test; False without a history."""
         try:

@@ -95,8 +95,16 @@ def largest_values(history, last, at_zero=None):
                     ("Frictional dissipation", "friction"),
                     ("Elastic energy", "elastic"),
                     ("Kinetic energy", "kinetic"),
+                    ("Fracture work", "cracks_fracture"),
+                    ("Friction in cracks", "cracks_friction"),
+                    ("Stored in springs of cracks", "cracks_stored"),
+                    ("Damping in cracks", "cracks_damping"),
                 )
+                if column in history
             ]
+            if "cracks_fracture" in history:
+                gone = quantity(history["parting"][loading][-1], "J", 4)
+                rows.append(("Lost where nodes parted", gone, "at the end"))
             share = energy_check.friction_share(history)
             rows.append(("Frictional over plastic dissipation", number(share), "at the end"))
             share = energy_check.dents_share(history)

@@ -14,6 +14,7 @@ from mufe_fenicsx.errors import InputError, nearest_name
 from mufe_fenicsx.machine.files import own_folder, reason
 from mufe_fenicsx.output.run_folder import PROFILE
 from mufe_fenicsx.report import (
+    breakage,
     compare,
     cyclic,
     localisation,
@@ -259,6 +260,12 @@ def _not_of_this_test(source):
     loading = source.get("loading")
     if loading is None or not find_cycles(loading["strain"], loading["stress"]):
         absent.add(cyclic.NAME)
+    pieces = () if history is None else history.get("num_fragments", ())
+    if not np.any(pieces):
+        absent.add(breakage.SIZES)
+    events = source.get("events") if len(pieces) else {}
+    if events is not None and not len(events.get("time", ())):
+        absent.add(breakage.NAME)  # nothing opened
     if localisation.too_few(source.summary.get("num_grains")):
         absent.add(localisation.NAME)  # a row of the page says so
     if not (source.folder / PROFILE).exists():

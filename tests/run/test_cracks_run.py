@@ -3,6 +3,7 @@
 import csv
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from mufe_fenicsx.output.contacts import read_contacts
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.output.run_folder import read_run_json
+from mufe_fenicsx.report import write_report
+from mufe_fenicsx.report.style import number
 from mufe_fenicsx.results import Run
 from mufe_fenicsx.run.recorder import Recorder
 from mufe_fenicsx.run.run import run_scene
@@ -59,6 +62,8 @@ def test_a_resumed_run_breaks_on_with_the_same_bytes(broken):
     whole, parts = files(broken / "whole"), files(broken / "parts")
     assert whole.keys() == parts.keys() and "events.csv" in whole
     assert not [name for name in whole if whole[name] != parts[name]]
+    edges = [read_run_json(broken / name)["edges_per_diameter"] for name in ("whole", "parts")]
+    assert edges[0] == edges[1]  # of the first mesh
     assert arrays(broken / "whole") == arrays(broken / "parts")
 
 
@@ -67,6 +72,8 @@ def test_events_and_energies_tell_of_the_same_cracks(broken):
     with (broken / "whole" / "events.csv").open() as file:
         events = list(csv.DictReader(file))
     history = read_history(broken / "whole" / "history.csv")
+    stages = {stage["name"] for stage in read_run_json(broken / "whole")["stages"]}
+    assert {e["stage"] for e in events} <= stages
     assert len(events) > 3 and {e["grain"] for e in events} <= {"1", "2", "3"}
     taken = sum(float(e["energy"]) for e in events)
     assert taken == pytest.approx(SCENE.fracture.energy * sum(float(e["area"]) for e in events))
@@ -114,6 +121,36 @@ def test_states_have_the_mesh_of_their_time(broken):
     for state in states:
         assert len(state.point_data["displacement"]) == state.n_points
         assert state.cells.reshape(-1, 5)[:, 1:].max() == state.n_points - 1
+
+
+def test_the_report_shows_what_broke(broken, tmp_path):
+    """Figures, table, and all states in the view, which is of the mesh with all cracks."""
+    folder, names = broken / "whole", ["breakage", "fragments", "energies"]
+    result = write_report(folder, tmp_path, only=names)
+    assert {Path(path).stem for path in result["figures"]} == set(names)
+    assert result["missing"] == []
+    page, numbers = (tmp_path / "report.html").read_text(), read_run_json(folder)["breakage"]
+    history, events = (read_history(folder / f"{name}.csv") for name in ("history", "events"))
+    drawn, energies, sizes = (
+        read_history(tmp_path / "figures" / f"{name}.csv")
+        for name in ("breakage", "energies", "fragments-fragments")
+    )
+    assert drawn["fragments [-]"][-1] == numbers["num_fragments"]
+    for mode in ("tension", "shear"):
+        area = events["area"][events["mode"] == mode].sum()
+        assert drawn[f"area opened by {mode} [m²]"][-1] == pytest.approx(area)
+    assert energies["cracks_fracture [J]"][-1] == history["cracks_fracture"][-1]
+    assert len(sizes["diameter [m]"]) == numbers["num_fragments"] + 3 - history["broken_grains"][-1]
+    broke, num_states = int(np.argmax(history["broken_grains"] > 0)), len(read_states(folder))
+    for text in (
+        f"B (Einav 2007)</td><td>{number(numbers['einav'])}<",
+        f"Fragments of broken grains</td><td>{number(numbers['num_fragments'])}<",
+        f"First grain apart</td><td>{history['stage'][broke]}, strain",
+        "Fracture work</td>",
+        '"name": "fragment"',
+        f"at {num_states} of {num_states} stored states",
+    ):
+        assert text in page, text
 
 
 def test_a_run_that_goes_back_closes_what_had_opened_since(broken, monkeypatch):
