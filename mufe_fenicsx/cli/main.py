@@ -69,7 +69,8 @@ def run(
         ),
     ] = None,
     max_steps: Annotated[
-        int | None, typer.Option(min=1, help="Stop after so many time steps.")
+        int | None,
+        typer.Option(min=1, help="Stop at this time step, counted from the start of the test."),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print the last summary only.")] = False,
     resume: Annotated[

@@ -3,7 +3,7 @@
 from ..output.history import HistoryWriter
 
 #: Columns of events.csv: facets of a grain that opened together, by time.
-COLUMNS = ("time", "strain", "grain", "x", "y", "z", "area", "mode", "energy")
+COLUMNS = ("time", "strain", "stage", "grain", "x", "y", "z", "area", "mode", "energy")
 
 
 class EventTable:
@@ -29,11 +29,11 @@ class EventTable:
             return {}
         return {"bytes": self._table.sync(), "rows": self._table.rows}
 
-    def write(self, strain):
+    def write(self, strain, stage):
         """Write what opened since the last call."""
         for term in self.terms:
             for event in term.take_events() if term.news else ():
                 place = dict(zip("xyz", map(float, event.place), strict=True))
-                row = {"time": event.time, "strain": strain, "grain": event.grain, **place}
-                row |= {"area": event.area, "mode": event.mode, "energy": event.energy}
+                row = {"time": event.time, "strain": strain, "stage": stage, "grain": event.grain}
+                row |= place | {"area": event.area, "mode": event.mode, "energy": event.energy}
                 self._table.append(row)

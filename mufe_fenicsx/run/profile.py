@@ -73,7 +73,7 @@ class Profile:
 
         def after_step_and_note():
             after_step()
-            if recorder.row_step == self.simulation.state.num_steps:
+            if recorder.last.get("row") == self.simulation.state.num_steps:
                 self._note(recorder.loading.strain)
 
         recorder.after_step = after_step_and_note

@@ -80,7 +80,7 @@ class Recorder:
         self._field_interval = loading.state_interval(output.fields)
         self._stage, *following = kept.get("next", (None, 0.0, 0.0))
         self._next_row, self._next_state = map(float, following)
-        self.row_step = kept.get("row_step")  # of the last row, None before the first
+        self.last = dict(kept.get("last", {}))  #: steps of the last "row" and "state", if any
 
     def state_dict(self):
         """What a recorder that goes on from here has to know, fit for JSON; rows are on disk."""
@@ -94,7 +94,7 @@ class Recorder:
             "num_states": self.num_states,
             "events": self.events.kept,
             "next": (self._stage, self._next_row, self._next_state),
-            "row_step": self.row_step,
+            "last": dict(self.last),
         }
 
     def _field_writer(self, folder, kept, same_ranks, version):
@@ -122,7 +122,7 @@ class Recorder:
     def after_step(self):
         """Write what is due."""
         loading = self.loading
-        self.events.write(loading.strain)
+        self.events.write(loading.strain, loading.stage)
         if loading.stage != self._stage:
             self._stage, self._next_row = loading.stage, 0.0
         if loading.loaded:
@@ -137,10 +137,16 @@ class Recorder:
             self._next_row += self._history_interval * (1 - 1e-12)
             self.write_row()
 
-    def write_last_row(self):
-        """The row of the step that a run ends with, unless it is written already."""
-        if self.row_step != self.simulation.state.num_steps:
+    def write_last(self):
+        """Row and state of the step that a run ends with, unless they are written already."""
+        if self.last.get("row") != self.simulation.state.num_steps:
             self.write_row()
+        self.write_last_state()
+
+    def write_last_state(self):
+        """The state of that step, unless it is written already."""
+        if self.last.get("state") != self.simulation.state.num_steps:
+            self.write_state()
 
     def write_row(self):
         """One row of the history. Returns its energies [J]."""
@@ -189,7 +195,7 @@ class Recorder:
             )
         self.history.append(row)
         self._check_overlap(overlap)
-        self.row_step = sim.state.num_steps
+        self.last["row"] = sim.state.num_steps
         self.check_energy(energies)
         return energies
 
@@ -275,6 +281,7 @@ class Recorder:
             loads = sim.tools.forces()
             self._note([self.tools.write(self.num_states, state.t, state.x, loads)])
         self.num_states += 1
+        self.last["state"] = state.num_steps
 
     def _fragments(self, num_cells):
         """Field of the pieces of grains, none where grains cannot break. Local."""

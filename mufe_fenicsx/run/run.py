@@ -88,7 +88,7 @@ def run_scene(
 
 
 #: Of the summary, what checkpoints keep.
-KEPT = ("setup_s", "separation", "resumed_at_steps", "balanced_at_steps")
+KEPT = ("setup_s", "separation", "edges_per_diameter", "resumed_at_steps", "balanced_at_steps")
 
 
 class TestRun:
@@ -131,7 +131,7 @@ class TestRun:
                 write_run_json(self.place.folder, begun)
         try:
             if isinstance(error, SolverError) and self._is_finite():
-                self.recorder.write_state()
+                self.recorder.write_last_state()
             self._end()
         except LostFolder:
             raise

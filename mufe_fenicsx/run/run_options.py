@@ -9,7 +9,7 @@ class RunOptions:
     """Options of :func:`~mufe_fenicsx.run.run.run_scene`."""
 
     overwrite: bool = False  #: replace an earlier run in the folder
-    max_steps: int | None = None  #: stop after so many steps
+    max_steps: int | None = None  #: stop at this step, counted from the start of the test
     quiet: bool = False  #: print nothing
     command: tuple = ()  #: the command line, to be kept with the run
     #: Go on from the last checkpoint in the folder, with the same scene and grains, on any number

@@ -22,7 +22,7 @@ def run_time_loop(
         save: Writes one.
         balance: Shares the work of the ranks anew where that is worth it, and writes a checkpoint
             to begin anew from; returns whether it did.
-        max_steps: Stop after so many steps, or None.
+        max_steps: Stop at this step, counted from the start of the test, or None.
         quiet: No line on the terminal.
         resumed: The present step is recorded already.
 
@@ -44,12 +44,13 @@ def run_time_loop(
             if loading.finished:
                 break
             if max_steps is not None and simulation.state.num_steps >= max_steps:
-                save()
-                recorder.write_last_row()
+                _save_end(save, recorder)
                 return f"max_steps = {max_steps} reached"
             number, by_time = signals()
             if number:
-                raise _interrupted(number, save, simulation.state.num_steps, loading.strain)
+                raise _interrupted(
+                    number, save, recorder, simulation.state.num_steps, loading.strain
+                )
             if balance_due() and balance():
                 return None
             if by_time or due(simulation.state.num_steps):
@@ -57,15 +58,21 @@ def run_time_loop(
                 signals.saved()
             loading.before_step()
             simulation.step(everywhere=False)
-    save()  # a longer test can go on from here
+    _save_end(save, recorder)  # a longer test can go on from here
     return loading.end
 
 
-def _interrupted(number, save, step, strain):
+def _save_end(save, recorder):
+    """Write a checkpoint, then the last row and state, which a run that goes on is without."""
+    save()
+    recorder.write_last()
+
+
+def _interrupted(number, save, recorder, step, strain):
     """The error that ends a run on a signal, after a checkpoint if the state is sound."""
     what = "after a checkpoint: --resume goes on from it"
     try:
-        save()
+        _save_end(save, recorder)
     except SolverError as failure:
         what = f"where it had failed ({failure}): --resume goes on from the last checkpoint, if any"
     name = signal.Signals(number).name

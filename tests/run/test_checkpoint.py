@@ -130,6 +130,7 @@ def test_resumed_runs_give_the_same_bytes(stopped, monkeypatch):
 
     def interrupt(recorder):
         write_state(recorder)
+        monkeypatch.setattr(Recorder, "write_state", write_state)  # a second one would kill
         if COMM.rank == COMM.size - 1:
             signal.raise_signal(signal.SIGINT)
 
@@ -406,6 +407,18 @@ def test_a_run_killed_between_its_last_checkpoint_and_its_summary_only_has_to_en
     COMM.Barrier()
     ended = run(folder, "out", resume=True)
     assert ended["finished"] and ended["num_steps"] == whole["num_steps"]
+    assert COMM.rank or files(folder / "out") == before
+
+
+@pytest.mark.mpi
+def test_a_run_that_stops_stores_its_last_state_once(folder):
+    """Steps count from the start of the test: resumed, it stops at once, and nothing is new."""
+    run(folder, "out", max_steps=21)
+    before = files(folder / "out")
+    assert read_history(folder / "out" / "history.csv")["step"][-1] == 21
+    times = [state["time"] for state in read_states(folder / "out")]
+    assert times[-1] == read_history(folder / "out" / "history.csv")["time"][-1]
+    run(folder, "out", max_steps=21, resume=True)
     assert COMM.rank or files(folder / "out") == before
 
 

@@ -16,11 +16,13 @@ from mufe_fenicsx.synthetic.rigid_packing.measures import HELD_WITH_FRICTION, be
 from mufe_fenicsx.synthetic.starter_scenes import IN_MEMBRANE, KINDS
 from tests.cli.test_pack import pack as mufe
 
+#: Scene of a grain that breaks, which is dynamic.
+BREAKS = "crushing"
 #: Part of a test from which on it has to be trusted, at the latest.
 LATEST = 2 * UNTRUSTED
 PACKED = "pack", "--spheres", "--count", "30", "--element-size", "60 um"
 SCENES = {
-    **{kind: ("new", kind) for kind, (_, make) in KINDS.items() if make},
+    **{kind: ("new", kind) for kind, (_, make) in KINDS.items() if make and kind != BREAKS},
     **{f"{kind} in a membrane": ("new", kind, "--membrane") for kind in IN_MEMBRANE},
     "packed box": PACKED,
     "packed cylinder": (*PACKED, "--cylinder", "1 mm,1.2 mm"),
@@ -67,6 +69,15 @@ def test_it_is_seated_at_rest_and_trusted_early(name, tmp_path):
     run = mufe_fenicsx.open_run(tmp_path / "b")
     first = int((run.states.stage != "seating").idxmax())
     assert coordination(run.contacts(first), told["num_grains"]) >= 4.0
+
+
+@pytest.mark.slow
+def test_a_grain_comes_apart(tmp_path):
+    mufe("new", BREAKS, "-o", tmp_path / "a")
+    mufe("run", tmp_path / "a" / "scene.toml", "-o", tmp_path / "b", "--quiet")
+    history = read_history(tmp_path / "b" / "history.csv")
+    force = history["force_z_min"]
+    assert history["broken_grains"][-1] == 1 and force[-1] < 0.9 * force.max()
 
 
 def coordination(contacts, num_grains):
