@@ -23,7 +23,7 @@ from .errors import (
     time_for,
     untrusted_start,
 )
-from .reasons import driver, out_of_reach, stage_too_fast, too_simple, unknown
+from .reasons import driver, of_cracks, out_of_reach, stage_too_fast, too_simple, unknown
 from .servo import lagging_servos
 
 #: What the table calls a law of contact, by what a scene says.
@@ -57,6 +57,7 @@ class Plan:
     quasi_static_from: float  #: part of the strain, as of :func:`~.errors.quasi_static_from`
     driver: str  #: which requirement the cost comes from
     path: float  #: by how much two such tests part that differ in rounding alone [-]
+    cracks: str = ""  #: edges that they want beside those of the mesh, in words
     unknown: tuple = field(default=())  #: what the plan cannot know, sentences
     warnings: tuple = field(default=())  #: what the report will not accept, lines
 
@@ -120,6 +121,7 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
         quasi_static_from=start,
         driver=driver(scene, sample, errors, best),
         path=errors.of_path(len(sample.labels)),
+        cracks=of_cracks(scene, sample, best.tets),
         unknown=unknown(scene, errors, best.elements, sample.slender),
         warnings=(
             *sample.warnings,

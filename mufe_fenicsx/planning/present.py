@@ -15,7 +15,7 @@ from .errors import (
     sample_errors,
     untrusted_start,
 )
-from .reasons import unknown
+from .reasons import of_cracks, unknown
 from .servo import lagging_servos
 
 
@@ -35,6 +35,7 @@ class Present:
     time: float  #: of loading over that of a wave through the sample
     quasi_static_from: float  #: part of the strain, as of :func:`~.errors.quasi_static_from`
     path: float  #: by how much two such tests part that differ in rounding alone [-]
+    cracks: str = ""  #: edges that they want beside those of the mesh, in words
     beyond: tuple = field(default=())  #: why parts are infinite, in words
     unknown: tuple = field(default=())  #: what is not known beforehand, sentences
     warnings: tuple = field(default=())  #: what the report will not accept, lines
@@ -92,6 +93,7 @@ def present_state(scene, sample, points=None):
         time=time,
         quasi_static_from=start,
         path=errors.of_path(len(sample.labels)),
+        cracks=of_cracks(scene, sample, sample.tets),
         beyond=_beyond(parts, errors, elements, time, added),
         unknown=unknown(scene, errors, elements, sample.slender),
         warnings=(

@@ -3,7 +3,9 @@
 import math
 from dataclasses import replace
 
+from ..materials.fracture import IN_ZONE
 from ..scene import Solver
+from ..units import with_unit
 from .cost import LATE, SHORTER
 from .course import course_of, wave_speed
 from .errors import BEYOND, contact_radius, planned_time
@@ -78,6 +80,23 @@ SEATING_AND_SLIPS = (
 )
 
 
+def of_cracks(scene, sample, tets):
+    """Edges that the zone of cracks wants beside those of a mesh of so many tetrahedra a grain.
+
+    In words, "" where grains do not break.
+    """
+    if scene.fracture is None:
+        return ""
+    moduli = [m.E for m in (scene.material, *(g.material for g in scene.materials.values()))]
+    zone, edge = scene.fracture.zone(min(moduli)), sample.edge_of(tets)
+    enough = "" if edge <= zone / IN_ZONE else ": too coarse"
+    return (
+        f"their zone, E·energy/strength² = {with_unit(zone, 'm')}, wants edges of "
+        f"{with_unit(zone / IN_ZONE, 'm')}; the mean one of the mesh is "
+        f"{with_unit(edge, 'm')}{enough}"
+    )
+
+
 def unknown(scene, errors, elements, slender=0):
     """What is not known beforehand, with so many elements per radius of a contact.
 
@@ -102,6 +121,12 @@ def unknown(scene, errors, elements, slender=0):
             f"the power {errors.order:.2g} of the length of edges"
         )
     known += _of_bending(slender)
+    if scene.fracture is not None:
+        known.append(
+            "when grains crack, and what a test costs from then on: steps and time above are those "
+            "of grains without cracks. Cracks shorten the time step to a third, tiny pieces to a "
+            "tenth, and each growth of the mesh takes as long as a hundred steps"
+        )
     course = course_of(scene)
     if scene.tools:
         off = errors.of_tool(elements)

@@ -41,6 +41,10 @@ class Sample:
         """Tetrahedra a grain."""
         return self.num_cells / len(self.labels)
 
+    def edge_of(self, tets):
+        """Mean length of edges with so many tetrahedra a grain, all alike [m]."""
+        return self.diameter * math.cbrt(math.pi * math.sqrt(2) / tets)
+
     def mesh_for(self, n, radius, errors):
         """A mesh of n elements per contact radius.
 

@@ -90,6 +90,7 @@ def _of_errors(found, beyond=()):
             f"two such tests that differ in rounding alone part by about {percent(found.path)}",
         ),
         ("model", f"{model}; solver.element = {found.element}"),
+        *([("cracks", found.cracks)] if found.cracks else []),
     ]
 
 
