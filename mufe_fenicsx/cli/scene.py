@@ -90,8 +90,8 @@ def new(
         str,
         typer.Argument(
             metavar="KIND",
-            help="scan (one of your own), oedometer, isotropic, triaxial, shear-box, single-grain "
-            "or two-spheres",
+            help="scan (one of your own), oedometer, isotropic, triaxial, shear-box, single-grain, "
+            "crushing or two-spheres",
         ),
     ],
     output: Annotated[

@@ -42,6 +42,8 @@ DEPTH = 1e-2
 LOOSE = 0.987
 #: Element size over radius of these balls.
 COARSE = 0.35
+#: Element size and height of a ball that is crushed, over its diameter.
+EDGE, BLUNT = 0.125, 0.92
 #: Radius of a single ball [m]; element size at its poles and radius of contact over the radius.
 RADIUS, FINE, CONTACT = 0.5e-3, 0.04, 0.1
 
@@ -259,6 +261,36 @@ name = "reload"
 z = { stress = "2 MPa" }
 """
 
+QUARTZ = """\
+[material]
+model = "elastic"
+E = "100 GPa"
+nu = 0.15
+rho = "2650 kg/m^3"
+
+[fracture]                # the grain breaks along facets between its tetrahedra
+strength = "80 MPa"       # tensile; edges are a third of the zone E·energy/strength² or less
+energy = "10 J/m^2"       # of a crack, over its area
+shear_ratio = 4.0         # shear strength over tensile strength
+modulus = 5.0             # Weibull's, of the strengths of facets
+seed = 1                  # of these: `mufe run scene.toml --set fracture.seed=2` is another grain
+"""
+
+CRUSHING = """
+[loading]                 # a test by stages: the six walls move
+speed = "1 m/s"           # at which a length of the sample changes, at most
+ramp = 0.001              # strain over which walls get to it
+
+[[stage]]                 # walls at the sides go out of the way, platens come; then strains count
+zero = true
+xy = { strain = -0.05, speed = "10 m/s" }
+z = { stress = "1 MPa" }
+
+[[stage]]                 # the strength of the grain is its largest force over its diameter squared
+name = "crush"
+z = { strain = 0.008 }
+"""
+
 RIGID = """\
 [material]
 model = "rigid"           # or "elastic", "j2", "auto": slower by ten times and more
@@ -368,6 +400,14 @@ def _meshed(centres, diameters, pulled_in):
     return Grains.from_list(np.arange(1, len(meshes) + 1), meshes, 0.5 * COARSE * D50)
 
 
+@functools.cache
+def blunt_ball():
+    """`Grains` of one ball whose poles are cut flat, so that platens touch several facets."""
+    points, cells = sphere(0.5 * D50, EDGE * D50)
+    points[:, 2] = np.clip(points[:, 2], -0.5 * BLUNT * D50, 0.5 * BLUNT * D50)
+    return Grains.from_list([1], [(points, cells)], EDGE * D50)
+
+
 def column_of_balls(number):
     """`Grains` of equal balls on top of each other."""
     points, cells = sphere_near_contact(
@@ -420,6 +460,11 @@ KINDS = {
     "single-grain": (
         _text("A ball between two platens", BALL, "one ball of 1 mm", wall=0.2),
         functools.partial(column_of_balls, 1),
+    ),
+    "crushing": (
+        _text("A grain crushed between two platens", CRUSHING, "one ball of 0.3 mm", 0.4, 0.4,
+              QUARTZ),
+        blunt_ball,
     ),
     "two-spheres": (
         _text("Two balls pressed together", BALLS, "two balls of 1 mm", wall=0.2, **_HARD),
