@@ -286,9 +286,9 @@ zero = true
 xy = { strain = -0.05, speed = "10 m/s" }
 z = { stress = "1 MPa" }
 
-[[stage]]                 # the strength of the grain is its largest force over its diameter squared
-name = "crush"
-z = { strain = 0.008 }
+[[stage]]                 # strength: largest force before a fragment comes loose, over the diameter
+name = "crush"            # squared; from there on steps are shorter, and cost more
+z = { strain = 0.006 }
 """
 
 RIGID = """\
