@@ -234,7 +234,7 @@ def breakage_rows(source):
     if broken.size:
         rows.append(("First grain apart", when(broken[0])))
         if number == 1:
-            most = load(history)[: broken[0] + 1].max()
+            most = load(history)[: broken[0]].max(initial=0.0)
             strength = style.quantity(most / diameter(whole[0]) ** 2, "Pa")
             rows.append(("Largest force up to there, over the diameter squared", strength))
     near, known = int(np.nansum(cracked.near)), int(np.isfinite(cracked.near).sum())
