@@ -17,8 +17,10 @@ with the new mass, can but grow. Inertia is changed, statics is not. Since each 
 heavier by a share a_g, the speed of waves falls by up to 1/sqrt(1 + a_g), and its kinetic energy at
 a given speed grows by 1 + a_g.
 
-Two bounds hold at all times: added mass over the mass of all grains, and the same of each grain.
-t is the longest step that meets both, or the one asked for if that is shorter.
+Two bounds hold at all times: added mass over the mass of all grains, and that of each grain over its
+own, or over that of a mean grain if it is lighter. For a shaving, which the border of an image cuts
+off, bears forces as large as its neighbours do: what its inertia adds is measured by theirs. t is
+the longest step that meets both, or the one asked for if that is shorter.
 
 Added mass never goes away. Where mass is added later to nodes that move, they keep their
 velocities; the kinetic energy that this takes is booked as negative damping.
@@ -69,8 +71,10 @@ class MassScaling(Stateful):
         mesh = self.mesh
         self.first_mass = solid.mass.copy()  #: of the nodes, without additions [kg]
         self._rho = rho = np.array([material.rho for material in solid.materials])
-        self._grain_mass = rho * self._of_grains(solid.volume0)
-        self._total = self.comm.allreduce(float(self._grain_mass.sum()))
+        grain_mass = rho * self._of_grains(solid.volume0)
+        total = self.comm.allreduce(np.array([grain_mass.sum(), grain_mass.size]))
+        self._total = float(total[0])
+        self._grain_mass = np.maximum(grain_mass, total[0] / total[1])  # that a bound is over
         self._some, self._added = np.empty(0, dtype=int), np.empty(0)  # elements with added mass
         self.added_to_node = np.zeros(mesh.num_nodes)  #: mass added for springs of contact [kg]
         self.wanted = 0.0  #: step of the worst element that it was last adjusted to [s]
@@ -98,7 +102,7 @@ class MassScaling(Stateful):
         return np.add.reduceat(values, self.mesh.cell_offset[:-1])
 
     def shares(self):
-        """Added mass over the mass of all grains, and the largest such share of a grain."""
+        """Added mass over that of all grains, and the largest share of a grain, as of its bound."""
         return self._shares(self.added, self.added_to_node)
 
     def _shares(self, added, added_to_node):

@@ -292,8 +292,9 @@ class MassScaling:
         REQUIRED, "-", "most that may be added to all grains, over their mass", gt=0, le=1
     )
     added_to_grain: float | None = setting(
-        None, "-", "most added to one, over its mass; None: ten times added", gt=0, le=1
-    )
+        None, "-", "most added to one, over its mass or a mean grain's; None: ten times added",
+        gt=0, le=1,
+    )  # fmt: skip
     time_step: float | None = setting(
         None, "s", "of a single element, wanted; None: what is allowed", gt=0
     )

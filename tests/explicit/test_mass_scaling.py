@@ -48,6 +48,21 @@ def test_both_bounds_hold_and_the_worst_element_is_at_the_step_found():
     assert asked.wanted == 1.05 * smallest and asked.shares()[0] < 0.05
 
 
+@pytest.mark.mpi
+def test_a_shaving_is_bounded_by_the_mass_of_a_mean_grain():
+    """A slice of 1 % of its neighbours may take many times its own mass before it holds them up."""
+    side, thin = 1e-3, 1e-5
+    bodies = [box((side,) * 3, (3, 3, 3), (1.1 * k * side, 0, 0)) for k in (0, 1)]
+    bodies.append(box((thin, side, side), (1, 3, 3), (2.2 * side, 0, 0)))
+    low, high = np.zeros(3), np.array([2.2 * side + thin, side, side])
+    bounds = MassScaling(1.0, 0.2)
+    s = build(MPI.COMM_WORLD, bodies, MATERIAL, low, high, mass_scaling=bounds).scaling
+    share, largest = s.shares()
+    assert 1 - 100 * RESOLVED < largest / bounds.added_to_grain <= 1
+    # The slice has a third of that of all, 13 times its own mass; its neighbours' nodes have some.
+    assert largest / 3 <= share < 1.2 * largest / 3
+
+
 def held_blocks(**options):
     """Three blocks in a row, between walls on all sides that touch them."""
     side = 1e-3
