@@ -1,5 +1,7 @@
 """A facet that opens, shears, comes back, closes and rubs, moved by hand."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from ..kernels.cracks.cracks import POINT, CrackForces
@@ -74,9 +76,9 @@ def _pressed(steps, shear_ratio, turn):
     results = {}
     for name, ends in (("", [0.0, 1.2]), (", back", [0.0, 0.5, -0.5])):
         facet, ends = Facet(way, shear_ratio, turn, first), np.array(ends) * LIMIT
-        ways = [np.linspace(*some, steps + 1) for some in zip(ends[:-1], ends[1:], strict=True)]
-        opening = np.unique(ways[0]) if len(ways) == 1 else np.concatenate(ways)
-        found, last = facet.go(opening), ways[-1]
+        ways = [np.linspace(*some, steps + 1) for some in pairwise(ends)]
+        opening, last = np.concatenate(ways), ways[-1]
+        found = facet.go(opening)
         expected = linear_softening(last, STRENGTH, ENERGY) * shear_ratio + rubs
         if name:  # friction turns along with its spring, to the same the other way
             expected = _unloaded(last, ends[1]) * shear_ratio

@@ -73,7 +73,9 @@ class Twin:
         return t
 
 
-@pytest.mark.parametrize("first", [(1, 0, 0), (-0.5, 1.2, 0.4), (0.2, 0.1, 0), (1.5, 1, 1), (-4, 1.2, 0.4)])
+@pytest.mark.parametrize(
+    "first", [(1, 0, 0), (-0.5, 1.2, 0.4), (0.2, 0.1, 0), (1.5, 1, 1), (-4, 1.2, 0.4)]
+)
 def test_law_against_its_twin(first):
     """Random walks that soften, close, fail and rub; work less what is lost is what is stored."""
     random, beta, k, friction = np.random.default_rng(3), 1.5, 2e13, 0.4
@@ -123,7 +125,7 @@ def test_search_finds_what_every_plane_says(speed, friction):
     cracks.strength *= np.quantile(effect / cracks.strength, 0.9)
     cracks._follow(s.solid)
     cracks._search.watch(s.state.deviator, s.solid.pressure)
-    found = cracks._search(s.state.deviator, s.solid.pressure, s.state.x)
+    found, _ = cracks._search(s.state.deviator, s.solid.pressure, s.state.x)
     wanted = np.flatnonzero(effect >= cracks.strength)
     # The Kirchhoff stress stands for Cauchy's.
     near = np.abs(effect / cracks.strength - 1.0) < 1e-2

@@ -34,6 +34,8 @@ STEPS_BETWEEN_LOOKS = 4
 #: Facets beside those that soften open at this part of their strength: nodes at a front of cracks
 #: bear more than means of cells tell. They soften where their points reach the strength.
 BESIDE = 0.55
+#: Steps from one growth to the next of facets that only those beside them let open.
+STEPS_BETWEEN_GROWTHS = 32
 #: Steps from one look for pieces that come loose to the next.
 STEPS_BETWEEN_PIECES = 40
 #: Least stiffness of a point over E/h of the cells beside it.
@@ -120,8 +122,8 @@ class Cracks(ForceTerm):
         front = facets.touch(self.opened[self._softer])
         opens = self.strength * np.where(front, BESIDE, 1.0)
         self._search = facets.search(
-            self.mesh, solid.volume0, opens, self._friction, self.near, shear,
-            solid.element == "averaged",
+            self.mesh, solid.volume0, opens, self._friction, self.near, self.strength,
+            shear, solid.element == "averaged",
         )  # fmt: skip
         self._nodes, area = facets.nodes(self.mesh, self.opened), facets.area[self.opened]
         friction = self._friction[self.opened]
@@ -146,8 +148,9 @@ class Cracks(ForceTerm):
             self.watching = self.mesh.comm.allreduce(self._search.num_listed) > 0
         if not self.watching:
             return self._look_for_pieces(state)
-        rows = self._search(*stress, state.x)
-        if not self.mesh.comm.allreduce(rows.size):
+        rows, now = self._search(*stress, state.x)
+        waits = state.num_steps % STEPS_BETWEEN_GROWTHS
+        if not self.mesh.comm.allreduce(now if waits else rows.size):
             return self._look_for_pieces(state)
         self.news = True
         self._note(rows, state)

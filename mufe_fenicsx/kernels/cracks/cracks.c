@@ -156,6 +156,7 @@ typedef struct {
   const double *friction;  /* of the facets */
   uint8_t *near;           /* whether a cell has come near */
   int64_t *listed;         /* facets beside such cells */
+  const double *softens;   /* from which effective traction on facets open at once, as strength */
   int64_t *found;          /* facets that open */
 } facets_type;
 
@@ -210,10 +211,13 @@ int64_t mufe_list_near(const facets_type *m, int64_t num_facets) {
   return count;
 }
 
-/* Listed facets whose effective traction has reached their strength, into ``found``; returns how many. */
+/* Listed facets whose effective traction has reached their strength, into ``found``; returns how many.
+   ``now``: how many of them open at once. */
 int64_t mufe_find_strained(const facets_type *m, const double *deviator, const double *pressure,
-                           const double *x, double shear, int64_t num_listed, int averaged) {
+                           const double *x, double shear, int64_t num_listed, int averaged,
+                           int64_t *now) {
   int64_t count = 0;
+  *now = 0;
   for (int64_t k = 0; k < num_listed; k++) {
     const int64_t i = m->listed[k];
     const int32_t a = m->across[2 * i], b = m->across[2 * i + 1];
@@ -238,8 +242,10 @@ int64_t mufe_find_strained(const facets_type *m, const double *deviator, const d
     double across = positive(all * size - square(normal));
     if (rubs > 0.0) across = square(positive(sqrt(across) - rubs));
     const double reached = square(positive(normal)) + across / square(shear);
-    const double limit = m->strength[i] * size * (m->volume[a] + m->volume[b]);
-    if (reached >= square(limit)) m->found[count++] = i;
+    const double whole = size * (m->volume[a] + m->volume[b]);
+    if (reached < square(m->strength[i] * whole)) continue;
+    m->found[count++] = i;
+    *now += reached >= square(m->softens[i] * whole);
   }
   return count;
 }

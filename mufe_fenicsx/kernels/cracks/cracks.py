@@ -124,6 +124,7 @@ class FacetSearch:
         corner: Corners of the first one that are those of the facet, uint8, (num_facets, 3).
         strength: Of the facets [Pa], inf where one is open or never opens, (num_facets,).
         friction: Their μ, shape (num_facets,).
+        softens: From which effective traction on they open at once [Pa], (num_facets,).
         near: Cells that have come near, of the last :meth:`watch`, uint8, shape (num_cells,).
         shear: As of :class:`CrackForces`.
         averaged: Whether ``pressure`` is that of nodes.
@@ -133,7 +134,8 @@ class FacetSearch:
     """
 
     def __init__(
-        self, cells, volume, weakest, across, corner, strength, friction, near, shear, averaged
+        self, cells, volume, weakest, across, corner, strength, friction, near, softens, shear,
+        averaged,
     ):  # fmt: skip
         real, short, whole = np.float64, np.uint8, np.int64
         self._found, listed = np.empty((2, len(across)), whole)
@@ -142,12 +144,13 @@ class FacetSearch:
         self._pointers = Pointers(
             (cells, np.int32), (volume, real), (weakest, real), (across, np.int32),
             (corner, short), (strength, real), (friction, real), (near, short), (listed, whole),
-            (self._found, whole),
+            (softens, real), (self._found, whole),
         )  # fmt: skip
         library, pointer, integer = _library(), ctypes.c_void_p, ctypes.c_int64
         self._find, self._mark = library.mufe_find_strained, library.mufe_mark_near
         self._list = library.mufe_list_near
-        self._find.argtypes = [*[pointer] * 4, ctypes.c_double, integer, integer]
+        self._find.argtypes = [*[pointer] * 4, ctypes.c_double, integer, integer, pointer]
+        self._now = np.zeros(1, whole)
         self._mark.argtypes = [*[pointer] * 3, *[ctypes.c_double] * 2, integer, integer]
         self._list.argtypes = [pointer, integer]
         for function in (self._find, self._mark, self._list):
@@ -164,7 +167,7 @@ class FacetSearch:
         self.num_listed = self._list(table, self._sizes[1]) if some else 0
 
     def __call__(self, deviator, pressure, x):
-        """Listed facets that are strained enough to open, increasing.
+        """Listed facets that are strained enough to open, increasing, and how many do so at once.
 
         Args:
             deviator: Of the cells [Pa], xx yy zz xy yz xz, shape (num_cells, 6).
@@ -173,9 +176,9 @@ class FacetSearch:
         """
         count = self._find(
             self._pointers.table, address(deviator), address(pressure), address(x), self._shear,
-            self.num_listed, self._averaged,
+            self.num_listed, self._averaged, address(self._now, np.int64),
         )  # fmt: skip
-        return self._found[:count].copy()
+        return self._found[:count].copy(), int(self._now[0])
 
 
 def _library():
