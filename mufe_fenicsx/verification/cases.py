@@ -11,7 +11,7 @@ from ..errors import InputError, SolverError, nearest_name
 from .again import closed_loop, pressed_again
 from .bar_impact import bar_impact
 from .bar_in_tension import bar_in_tension
-from .between_platens import ball_between_platens, brazilian_disc
+from .brazilian_disc import brazilian_disc
 from .case import by_name
 from .cohesive_facet import cohesive_facet
 from .column import column
@@ -109,7 +109,6 @@ CASES = (
         cracked_strip,
         expanding_ring,
         brazilian_disc,
-        ball_between_platens,
         segmentation,
         soak,
     )
