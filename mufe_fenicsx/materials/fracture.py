@@ -20,6 +20,10 @@ class Fracture:
     shear_ratio: float = setting(
         2.0, "-", "shear strength over tensile strength", gt=0, plausible=(0.1, 100.0)
     )
+    friction: float | None = setting(
+        None, "-", "of a facet that is pressed, before and after it breaks; None: that of contact",
+        ge=0, plausible=(0, 2),
+    )  # fmt: skip
     modulus: float | None = setting(
         None, "-", "Weibull modulus of the strengths of facets; None: all alike", gt=1
     )

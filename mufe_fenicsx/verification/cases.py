@@ -11,6 +11,7 @@ from ..errors import InputError, SolverError, nearest_name
 from .again import closed_loop, pressed_again
 from .bar_impact import bar_impact
 from .bar_in_tension import bar_in_tension
+from .brazilian_disc import brazilian_disc
 from .case import by_name
 from .cohesive_facet import cohesive_facet
 from .column import column
@@ -107,6 +108,7 @@ CASES = (
         bar_in_tension,
         cracked_strip,
         expanding_ring,
+        brazilian_disc,
         segmentation,
         soak,
     )

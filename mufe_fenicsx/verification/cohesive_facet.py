@@ -1,5 +1,7 @@
 """A facet that opens, shears, comes back, closes and rubs, moved by hand."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from ..kernels.cracks.cracks import POINT, CrackForces
@@ -9,12 +11,13 @@ from .case import case, compare
 STRENGTH, ENERGY, STIFFNESS, FRICTION, SIDE = 100e6, 10.0, 1e15, 0.4, 1e-4
 LIMIT = 2.0 * ENERGY / STRENGTH  # δc [m]
 FIRST = STRENGTH / STIFFNESS  # δ₀ [m]
+PRESSURE = 1.5  #: over σ
 WAYS = {"tension": [1.0, 0.0, 0.0], "shear": [0.0, 0.6, 0.8], "both": [1.0, 0.5, -0.5]}
 
 
 @case("cohesive-facet", num_bodies=1)
 def cohesive_facet(comm, steps=2000, shear_ratio=2.0, turn=0.7):
-    """The law of a facet: in tension, shear and both; unloaded half way, closed, and rubbed.
+    """The law of a facet: in tension, shear and both; unloaded half way, closed, pressed, rubbed.
 
     Its nodes are moved by hand, by 1.2 times the opening at failure in all. It opens under a
     traction of effect σ, in the direction in which it is moved then.
@@ -43,6 +46,7 @@ def cohesive_facet(comm, steps=2000, shear_ratio=2.0, turn=0.7):
         results |= _lines(
             f"{name}, back", facet, opening, found, expected, rows=slice(-back.size, None)
         )
+    results |= _pressed(steps, shear_ratio, turn)
     return results | _rubbed(steps, shear_ratio, turn), []
 
 
@@ -64,6 +68,39 @@ def _lines(name, facet, opening, found, expected, rows=slice(None)):
     }
 
 
+def _pressed(steps, shear_ratio, turn):
+    """A facet shears under a constant pressure p: it breaks at βσ + μp, and half way goes back."""
+    way, pressure = np.array(WAYS["shear"]), PRESSURE * STRENGTH
+    rubs = FRICTION * pressure
+    first = (shear_ratio * STRENGTH + rubs) * way - [pressure, 0.0, 0.0]
+    results = {}
+    for name, ends in (("", [0.0, 1.2]), (", back", [0.0, 0.5, -0.5])):
+        facet, ends = Facet(way, shear_ratio, turn, first), np.array(ends) * LIMIT
+        ways = [np.linspace(*some, steps + 1) for some in pairwise(ends)]
+        opening, last = np.concatenate(ways), ways[-1]
+        found = facet.go(opening)
+        expected = linear_softening(last, STRENGTH, ENERGY) * shear_ratio + rubs
+        if name:  # friction turns along with its spring, to the same the other way
+            expected = _unloaded(last, ends[1]) * shear_ratio
+            expected += np.maximum(rubs + STIFFNESS * (last - ends[1]) / shear_ratio, -rubs)
+        shear = found @ way
+        wrong = np.abs(shear[-last.size :] - expected).max(), np.abs(found[:, 0] + pressure).max()
+        work = np.trapezoid(shear, opening / shear_ratio)
+        total = facet.energies().sum()
+        results |= {
+            f"pressed{name}: traction": compare(max(wrong) / STRENGTH, 0.0, 1e-6, scale=1.0),
+            # As above; where friction turns its work is that of a whole step.
+            f"pressed{name}: energy over work": compare((total - work) / ENERGY, 0.0, 1e-4, 1.0),
+        }
+        if not name:
+            above = np.trapezoid(shear - rubs, opening / shear_ratio) / ENERGY
+            results["pressed: peak over βσ + μp"] = compare(
+                shear.max() / (shear_ratio * STRENGTH + rubs), 1.0, 1e-6
+            )
+            results["pressed: area above μp over G"] = compare(above, 1.0, 1e-6)
+    return results
+
+
 def _rubbed(steps, shear_ratio, turn):
     """A facet that has failed slides to and fro under pressure."""
     facet = Facet(WAYS["tension"], shear_ratio, turn)
@@ -83,9 +120,9 @@ def _rubbed(steps, shear_ratio, turn):
 
 
 class Facet:
-    """One facet, which opens under a traction of effect σ along a way; openings in its frame."""
+    """One facet, which opens under a traction, else one of effect σ, along a way; in its frame."""
 
-    def __init__(self, way, shear_ratio, turn):
+    def __init__(self, way, shear_ratio, turn, first=None):
         axis = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)
         K = np.cross(np.eye(3), -axis)
         self._turn = np.eye(3) + np.sin(turn) * K + (1.0 - np.cos(turn)) * K @ K
@@ -101,8 +138,8 @@ class Facet:
             np.arange(6, dtype=np.int32)[None], self._area, np.array([FRICTION]), self._points,
             shear_ratio,
         )  # fmt: skip
-        first = np.tile(self._turn @ self.pull * STRENGTH, (3, 1))
-        self._forces.begin(np.arange(3), first, self._x)
+        first = self._turn @ (self.pull * STRENGTH if first is None else first)
+        self._forces.begin(np.arange(3), np.tile(first, (3, 1)), self._x)
 
     def traction(self, opening):
         """That on the first side [Pa], in the frame of the start."""

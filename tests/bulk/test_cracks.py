@@ -48,10 +48,12 @@ class Twin:
 
     def __init__(self, energy, k, beta, friction, first):
         self.k, self.beta, self.friction = k, beta, friction
-        self.start = np.array(first) / [k, beta**2 * k, beta**2 * k]
+        shear = np.linalg.norm(first[1:])
+        share = min(1.0, friction * max(-first[0], 0.0) / shear) if shear > 0.0 else 0.0
+        self.start = np.array(first) / [k, beta**2 * k, beta**2 * k] * [1.0, 1 - share, 1 - share]
         self.sigma = max(SIGMA, self.effect(self.start) * k)
         self.limit, self.zero = 2.0 * energy / self.sigma, self.sigma / k
-        self.largest, self.rest = self.zero, np.zeros(2)
+        self.largest, self.rest = self.zero, self.start[1:] - share * np.array(first[1:]) / k
 
     def effect(self, w):
         return np.sqrt(max(w[0], 0.0) ** 2 + self.beta**2 * (w[1] ** 2 + w[2] ** 2))
@@ -60,19 +62,20 @@ class Twin:
         w = self.start + opening
         if self.largest < self.zero + self.limit:
             self.largest = max(self.largest, self.effect(w))
-            self.rest = w[1:].copy()
         beyond = self.largest - self.zero
         bears = self.sigma * max(1.0 - beyond / self.limit, 0.0) / self.largest
         t = np.append(w[0] * (bears if w[0] > 0.0 else self.k), self.beta**2 * bears * w[1:])
-        if beyond >= self.limit:
-            stretch, most = w[1:] - self.rest, self.friction * max(-w[0], 0.0)
-            length = np.linalg.norm(stretch)
-            stretch = stretch * min(1.0, most / length) if length > 0.0 else stretch
-            self.rest, t[1:] = w[1:] - stretch, self.k * stretch
+        stretch, most = w[1:] - self.rest, self.friction * max(-w[0], 0.0)
+        length = np.linalg.norm(stretch)
+        stretch = stretch * min(1.0, most / length) if length > 0.0 else stretch
+        self.rest = w[1:] - stretch
+        t[1:] += self.k * stretch
         return t
 
 
-@pytest.mark.parametrize("first", [(1.0, 0.0, 0.0), (-0.5, 1.2, 0.4), (0.2, 0.1, 0.0), (1.5, 1, 1)])
+@pytest.mark.parametrize(
+    "first", [(1, 0, 0), (-0.5, 1.2, 0.4), (0.2, 0.1, 0), (1.5, 1, 1), (-4, 1.2, 0.4)]
+)
 def test_law_against_its_twin(first):
     """Random walks that soften, close, fail and rub; work less what is lost is what is stored."""
     random, beta, k, friction = np.random.default_rng(3), 1.5, 2e13, 0.4
@@ -95,7 +98,7 @@ def test_law_against_its_twin(first):
         forces.add(f, x, v, 1.0)
         assert np.array_equal(f[:3], -f[3:])
         bears, wanted = f[:3] / (area / 3.0), twin.traction(opening)
-        assert bears == pytest.approx(np.tile(wanted, (3, 1)), abs=1e-9 * SIGMA)
+        assert np.abs(bears - wanted).max() < 1e-9 * SIGMA
         work += 0.5 * (before + wanted) @ drift
         before = wanted
     assert (points["furthest"] > twin.zero + twin.limit).all()
@@ -107,26 +110,26 @@ def test_case_of_one_facet():
     assert cohesive_facet(ALONE)["passed"]
 
 
-def test_search_finds_what_every_plane_says():
-    """Against all facets one by one; the bound of cells leaves none out."""
-    s, cracks = pulled(law=Fracture(SIGMA, 1.0, modulus=3.0))
+@pytest.mark.parametrize(("speed", "friction"), [(1.2, 0.3), (-1.2, 0.0), (-1.2, 0.6)])
+def test_search_finds_what_every_plane_says(speed, friction):
+    """Against all facets one by one, pulled or pressed; the bound of cells leaves none out."""
+    law = Fracture(SIGMA, 1.0, modulus=3.0, friction=friction)
+    s, cracks = pulled(law=law, speed=speed)
     while s.state.t < 1e-7:
         s.step()
-    strength = np.linalg.norm(
-        cracks._tractions(np.arange(cracks.strength.size), s.state)[0], axis=1
-    )
-    cracks.strength[:] *= 0.7 * np.median(strength) / np.median(cracks.strength)
-    cracks._follow(s.solid)
     t, n = cracks._tractions(np.arange(cracks.strength.size), s.state)
     normal = np.einsum("ni,ni->n", t, n)
     across = np.linalg.norm(t - normal[:, None] * n, axis=1)
+    across = np.maximum(across - friction * np.maximum(-normal, 0.0), 0.0)
     effect = np.hypot(np.maximum(normal, 0.0), across / LAW.shear_ratio)
+    cracks.strength *= np.quantile(effect / cracks.strength, 0.9)
+    cracks._follow(s.solid)
     cracks._search.watch(s.state.deviator, s.solid.pressure)
-    found = cracks._search(s.state.deviator, s.solid.pressure, s.state.x)
+    found, _ = cracks._search(s.state.deviator, s.solid.pressure, s.state.x)
     wanted = np.flatnonzero(effect >= cracks.strength)
     # The Kirchhoff stress stands for Cauchy's.
     near = np.abs(effect / cracks.strength - 1.0) < 1e-2
-    assert 0.1 * effect.size < found.size < 0.9 * effect.size
+    assert 0.05 * effect.size < found.size < 0.2 * effect.size
     assert set(np.setxor1d(found, wanted)) <= set(np.flatnonzero(near))
 
 

@@ -86,6 +86,7 @@ CHEAP = [
     ("bar-in-tension", {}, ""),
     ("cracked-strip", {}, "slow"),
     ("expanding-ring", {}, ""),
+    ("brazilian-disc", {}, "slow"),
     ("strain-cycle", {"paths": 12, "steps": 400}, ""),
     ("crush", {"element_size": 0.4, "speed": 10}, "slow"),
 ]

@@ -34,6 +34,8 @@ STEPS_BETWEEN_LOOKS = 4
 #: Facets beside those that soften open at this part of their strength: nodes at a front of cracks
 #: bear more than means of cells tell. They soften where their points reach the strength.
 BESIDE = 0.55
+#: Steps from one growth to the next of facets that only those beside them let open.
+STEPS_BETWEEN_GROWTHS = 32
 #: Steps from one look for pieces that come loose to the next.
 STEPS_BETWEEN_PIECES = 40
 #: Least stiffness of a point over E/h of the cells beside it.
@@ -82,9 +84,12 @@ class Cracks(ForceTerm):
         label, grain = self.mesh.labels[self.mesh.grains], self.mesh.grains[facets.grain]
         names = np.column_stack([label[facets.grain], facets.name])
         self.strength = fracture.strengths(names, facets.volume, facets.height, self._E)
-        friction = specimen.contact.friction
-        rows = friction.rows(grain, grain)
-        self._friction = friction.coefficients[rows if rows.size else np.zeros_like(grain), 0]
+        if fracture.friction is None:
+            friction = specimen.contact.friction
+            rows = friction.rows(grain, grain)
+            self._friction = friction.coefficients[rows if rows.size else np.zeros_like(grain), 0]
+        else:
+            self._friction = np.full(grain.size, fracture.friction)
         self.opened, self.points = np.empty(0, dtype=np.int64), np.zeros((0, 3), POINT)
         self.any = False  #: whether a facet is open on some rank
         self.near, self.watching = np.zeros(self.mesh.num_cells, np.uint8), False
@@ -117,8 +122,9 @@ class Cracks(ForceTerm):
         front = facets.touch(self.opened[self._softer])
         opens = self.strength * np.where(front, BESIDE, 1.0)
         self._search = facets.search(
-            self.mesh, solid.volume0, opens, self.near, shear, solid.element == "averaged"
-        )
+            self.mesh, solid.volume0, opens, self._friction, self.near, self.strength,
+            shear, solid.element == "averaged",
+        )  # fmt: skip
         self._nodes, area = facets.nodes(self.mesh, self.opened), facets.area[self.opened]
         friction = self._friction[self.opened]
         self._forces = CrackForces(self._nodes, area, friction, self.points, shear)
@@ -142,8 +148,9 @@ class Cracks(ForceTerm):
             self.watching = self.mesh.comm.allreduce(self._search.num_listed) > 0
         if not self.watching:
             return self._look_for_pieces(state)
-        rows = self._search(*stress, state.x)
-        if not self.mesh.comm.allreduce(rows.size):
+        rows, now = self._search(*stress, state.x)
+        waits = state.num_steps % STEPS_BETWEEN_GROWTHS
+        if not self.mesh.comm.allreduce(now if waits else rows.size):
             return self._look_for_pieces(state)
         self.news = True
         self._note(rows, state)
@@ -219,7 +226,8 @@ class Cracks(ForceTerm):
         listed = SpringList.empty(which.size, 2)
         listed.nodes[:] = place.reshape(-1, 2)
         listed.share[:] = [1.0, -1.0]
-        x = state.x[self._nodes].reshape(-1, 2, 3, 3).mean(axis=1)
+        sides = state.x[self._nodes].reshape(-1, 2, 3, 3)
+        x = sides.mean(axis=1)
         normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         listed.normal[:] = np.repeat(normal, 3, axis=0)[which]
@@ -227,7 +235,10 @@ class Cracks(ForceTerm):
         d0 = p["strength"] / p["stiffness"]
         whole = 1.0 - np.minimum((p["furthest"] - d0) / p["ultimate"], 1.0)
         across = self.fracture.shear_ratio**2 * p["strength"] * whole / p["furthest"]
-        listed.kt[:] = area * np.maximum(across, p["stiffness"])
+        apart = (sides[:, 1] - sides[:, 0]).reshape(-1, 3)[which]
+        stretch = p["start_n"] + np.einsum("ni,ni->n", listed.normal, apart)
+        rubs = (stretch < 2.0 * margin) & (self._friction[self.opened][which // 3] > 0.0)
+        listed.kt[:] = area * np.maximum(across + p["stiffness"] * rubs, p["stiffness"])
         none = np.empty(0, dtype=np.int64)
         moves, forces = (SurfaceVector(self.mesh.comm, at.size, none) for _ in range(2))
         return Springs(at.astype(np.int32), (listed,), moves, forces)

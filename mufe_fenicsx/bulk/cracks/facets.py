@@ -75,15 +75,16 @@ class Facets:
         most = int(self.name.max(initial=0)) + 1
         return (grain.astype(np.int64) * most + name[:, 0]) * most + name[:, 1]
 
-    def search(self, mesh, volume, strength, near, shear, averaged):
+    def search(self, mesh, volume, strength, friction, near, softens, shear, averaged):
         """Search of facets to open, arrays as of :class:`.FacetSearch`."""
         weakest = np.full(mesh.num_cells, np.inf)
         for side in self.across.T:
             np.minimum.at(weakest, side, strength)
         corner = np.ascontiguousarray(self.corners[:, 0])
         return FacetSearch(
-            mesh.cells, volume, weakest, self.across, corner, strength, near, shear, averaged
-        )
+            mesh.cells, volume, weakest, self.across, corner, strength, friction, near, softens,
+            shear, averaged,
+        )  # fmt: skip
 
 
 def _names_of_first_nodes(mesh):

@@ -133,23 +133,13 @@ void mufe_begin_cracks(const cracks_type *c, double shear, const double *x, cons
   const law_type law = {shear};
   for (int64_t m = 0; m < num; m++) {
     const int64_t i = which[m] / 3;
-    point_type *p = c->points + which[m];
     double frame[3][3], t[3];
     frame_of(frame, x, c->nodes + 6 * i);
     for (int k = 0; k < 3; k++) {
       t[k] = 0.0;
       for (int j = 0; j < 3; j++) t[k] += frame[k][j] * traction[3 * m + j];
     }
-    p->start[0] = t[0] / p->stiffness;
-    for (int k = 1; k < 3; k++) p->start[k] = t[k] / (square(shear) * p->stiffness);
-    /* What bears more than its strength softens from there on, with the same energy. */
-    const double now = effective(law, p->start) * p->stiffness;
-    if (now > p->strength) {
-      p->ultimate *= p->strength / now;
-      p->strength = now;
-    }
-    p->furthest = first_opening(p);
-    p->open = 1.0;
+    begin(c->points + which[m], law, c->friction[i], t);
   }
 }
 
@@ -163,20 +153,27 @@ typedef struct {
   const int32_t *across;   /* cells on both sides of a facet */
   const uint8_t *corner;   /* corners of the first cell that are those of the facet */
   const double *strength;  /* of the facets; inf: open, or never opens */
+  const double *friction;  /* of the facets */
   uint8_t *near;           /* whether a cell has come near */
   int64_t *listed;         /* facets beside such cells */
+  const double *softens;   /* from which effective traction on facets open at once, as strength */
   int64_t *found;          /* facets that open */
 } facets_type;
 
-/* Whether some plane can bear an effective traction of ``least``; s: xx yy zz xy yz xz of a deviator.
-   None bears more than its largest principal stress, at most mean + 2/3 q, and shear q/√3. */
-static inline int can_bear(const double *s, double mean, double shear, double least) {
+/* Whether some plane can bear an effective traction of ``least``, or a part of it that makes the bound
+   hold for means of cells; s: xx yy zz xy yz xz of a deviator. Of the mean stress m, no plane bears more
+   than the largest principal stress, at most m + 2/3 q, and shear q/√3. Where none is pulled
+   |t_t| + μ t_n decides, at most (σ₁ - σ₃)/2 √(1 + μ²) + μ (σ₁ + σ₃)/2, where (σ₁ + σ₃)/2 is at most
+   m + q/6. The part: what bears √(t_n² + (t_t/β)²) = 1 has |t_t| + μ t_n of at most √(β² + μ²). */
+static inline int can_bear(const double *s, double mean, double shear, double friction, double least) {
   const double q2 = 1.5 * (s[0] * s[0] + s[1] * s[1] + s[2] * s[2]) +
                     3.0 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5]);
-  const double sheared = q2 / (3.0 * shear * shear);
+  const double sheared = q2 / (3.0 * shear * shear), part = least / sqrt(1.0 + square(friction / shear));
   /* First without a root: (a + b)² is at most 2 a² + 2 b². */
-  if (2.0 * mean * mean + q2 * (8.0 / 9.0) + sheared < least * least) return 0;
-  return square(positive(mean + sqrt(q2) * (2.0 / 3.0))) + sheared >= least * least;
+  if (2.0 * mean * mean + q2 * (8.0 / 9.0) + sheared < part * part) return 0;
+  const double q = sqrt(q2), pulled = mean + q * (2.0 / 3.0);
+  if (pulled > 0.0) return square(pulled) + sheared >= part * part;
+  return sqrt((1.0 + friction * friction) / 3.0) * q + friction * (mean + q / 6.0) >= shear * least;
 }
 
 static double mean_of(const facets_type *m, const double *pressure, int64_t c, int averaged) {
@@ -195,11 +192,11 @@ static void add_stress(double sum[6], const facets_type *m, const double *deviat
 
 /* Marks cells that have come near the strength of a facet; returns how many. */
 int64_t mufe_mark_near(const facets_type *m, const double *deviator, const double *pressure,
-                       double shear, int64_t num_cells, int averaged) {
+                       double shear, double friction, int64_t num_cells, int averaged) {
   int64_t some = 0;
   for (int64_t c = 0; c < num_cells; c++) {
     const double mean = mean_of(m, pressure, c, averaged);
-    m->near[c] = can_bear(deviator + 6 * c, mean, shear, NEAR * m->weakest[c]);
+    m->near[c] = can_bear(deviator + 6 * c, mean, shear, friction, NEAR * m->weakest[c]);
     some += m->near[c];
   }
   return some;
@@ -214,10 +211,13 @@ int64_t mufe_list_near(const facets_type *m, int64_t num_facets) {
   return count;
 }
 
-/* Listed facets whose effective traction has reached their strength, into ``found``; returns how many. */
+/* Listed facets whose effective traction has reached their strength, into ``found``; returns how many.
+   ``now``: how many of them open at once. */
 int64_t mufe_find_strained(const facets_type *m, const double *deviator, const double *pressure,
-                           const double *x, double shear, int64_t num_listed, int averaged) {
+                           const double *x, double shear, int64_t num_listed, int averaged,
+                           int64_t *now) {
   int64_t count = 0;
+  *now = 0;
   for (int64_t k = 0; k < num_listed; k++) {
     const int64_t i = m->listed[k];
     const int32_t a = m->across[2 * i], b = m->across[2 * i + 1];
@@ -238,10 +238,14 @@ int64_t mufe_find_strained(const facets_type *m, const double *deviator, const d
     const double size = square(n[0]) + square(n[1]) + square(n[2]);
     const double normal = (t[0] * n[0] + t[1] * n[1] + t[2] * n[2]);
     const double all = square(t[0]) + square(t[1]) + square(t[2]);
-    const double across = positive(all * size - square(normal));
+    const double rubs = m->friction[i] * positive(-normal);
+    double across = positive(all * size - square(normal));
+    if (rubs > 0.0) across = square(positive(sqrt(across) - rubs));
     const double reached = square(positive(normal)) + across / square(shear);
-    const double limit = m->strength[i] * size * (m->volume[a] + m->volume[b]);
-    if (reached >= square(limit)) m->found[count++] = i;
+    const double whole = size * (m->volume[a] + m->volume[b]);
+    if (reached < square(m->strength[i] * whole)) continue;
+    m->found[count++] = i;
+    *now += reached >= square(m->softens[i] * whole);
   }
   return count;
 }

@@ -4,9 +4,10 @@ A facet has three points, one at each corner: with forces there two sides cannot
 other without one, and the points of a node stay joined pair by pair. Its frame turns with the mean
 of both sides; areas are the first ones. The law of a point is in kernels/cracks/law.h.
 
-A facet opens where its effective traction √(⟨t_n⟩² + (t_t/β)²) reaches its strength, of the mean
-stress of both cells by their volume. What no plane of a cell exceeds says which facets are looked
-at, as an effective traction is a convex function of the stress.
+A facet opens where its effective traction reaches its strength, of the mean stress of both cells by
+their volume: √(t_n² + (t_t/β)²) where it is pulled, ⟨|t_t| - μ|t_n|⟩/β where it is pressed. What no
+plane of a cell exceeds says which facets are looked at: a convex function of the stress that is
+nowhere less.
 """
 
 import ctypes
@@ -18,7 +19,7 @@ from ..build.native import Pointers, address, load
 #: What a point keeps, in the order of ``point_type`` in law.h.
 OF_POINT = (
     "open", "start_n", "start_1", "start_2", "strength", "ultimate", "stiffness", "furthest",
-    "anchor_1", "anchor_2", "pull_1", "pull_2", "damper", "drag_x", "drag_y", "drag_z",
+    "anchor_1", "anchor_2", "pull_1", "pull_2", "held", "damper", "drag_x", "drag_y", "drag_z",
     "rubbed", "damped",
 )  # fmt: skip
 POINT = np.dtype([(name, float) for name in OF_POINT])
@@ -33,7 +34,7 @@ class CrackForces:
         nodes: Of the corners on one side, then on the other in the same order, seen from outside
             of the first, int32, shape (num_facets, 6).
         area: First areas [m²], shape (num_facets,).
-        friction: Coefficients of what has failed, shape (num_facets,).
+        friction: Coefficients μ of what is pressed, shape (num_facets,).
         points: Of type :data:`POINT`, shape (num_facets, 3).
         shear: β, shear over tensile strength.
     """
@@ -122,6 +123,8 @@ class FacetSearch:
         across: Cells on both sides of each facet, int32, shape (num_facets, 2).
         corner: Corners of the first one that are those of the facet, uint8, (num_facets, 3).
         strength: Of the facets [Pa], inf where one is open or never opens, (num_facets,).
+        friction: Their μ, shape (num_facets,).
+        softens: From which effective traction on they open at once [Pa], (num_facets,).
         near: Cells that have come near, of the last :meth:`watch`, uint8, shape (num_cells,).
         shear: As of :class:`CrackForces`.
         averaged: Whether ``pressure`` is that of nodes.
@@ -131,20 +134,24 @@ class FacetSearch:
     """
 
     def __init__(
-        self, cells, volume, weakest, across, corner, strength, near, shear, averaged
+        self, cells, volume, weakest, across, corner, strength, friction, near, softens, shear,
+        averaged,
     ):  # fmt: skip
         real, short, whole = np.float64, np.uint8, np.int64
         self._found, listed = np.empty((2, len(across)), whole)
         self._sizes, self._shear, self._averaged = (len(cells), len(across)), shear, averaged
+        self._friction = friction.min(initial=np.inf)
         self._pointers = Pointers(
             (cells, np.int32), (volume, real), (weakest, real), (across, np.int32),
-            (corner, short), (strength, real), (near, short), (listed, whole), (self._found, whole),
+            (corner, short), (strength, real), (friction, real), (near, short), (listed, whole),
+            (softens, real), (self._found, whole),
         )  # fmt: skip
         library, pointer, integer = _library(), ctypes.c_void_p, ctypes.c_int64
         self._find, self._mark = library.mufe_find_strained, library.mufe_mark_near
         self._list = library.mufe_list_near
-        self._find.argtypes = [*[pointer] * 4, ctypes.c_double, integer, integer]
-        self._mark.argtypes = [*[pointer] * 3, ctypes.c_double, integer, integer]
+        self._find.argtypes = [*[pointer] * 4, ctypes.c_double, integer, integer, pointer]
+        self._now = np.zeros(1, whole)
+        self._mark.argtypes = [*[pointer] * 3, *[ctypes.c_double] * 2, integer, integer]
         self._list.argtypes = [pointer, integer]
         for function in (self._find, self._mark, self._list):
             function.restype = integer
@@ -154,13 +161,13 @@ class FacetSearch:
         """List the facets near their strength; arguments as of a call."""
         table = self._pointers.table
         some = self._mark(
-            table, address(deviator), address(pressure), self._shear, self._sizes[0],
-            self._averaged,
+            table, address(deviator), address(pressure), self._shear, self._friction,
+            self._sizes[0], self._averaged,
         )  # fmt: skip
         self.num_listed = self._list(table, self._sizes[1]) if some else 0
 
     def __call__(self, deviator, pressure, x):
-        """Listed facets that are strained enough to open, increasing.
+        """Listed facets that are strained enough to open, increasing, and how many do so at once.
 
         Args:
             deviator: Of the cells [Pa], xx yy zz xy yz xz, shape (num_cells, 6).
@@ -169,9 +176,9 @@ class FacetSearch:
         """
         count = self._find(
             self._pointers.table, address(deviator), address(pressure), address(x), self._shear,
-            self.num_listed, self._averaged,
+            self.num_listed, self._averaged, address(self._now, np.int64),
         )  # fmt: skip
-        return self._found[:count].copy()
+        return self._found[:count].copy(), int(self._now[0])
 
 
 def _library():

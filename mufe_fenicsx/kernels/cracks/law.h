@@ -4,7 +4,8 @@
    Openings w are those since the facet opened, and in them the stretch of a spring of stiffness k that
    bears the first traction. In effect they measure d = √(⟨w_n⟩² + β² w_t²). With the largest d so far,
    D, an open point bears T(D)/D w_n and β² T(D)/D w_t, where T falls from the strength σ at d₀ = σ/k to
-   nothing at d₀ + δc. A pressed one bears k w_n. */
+   nothing at d₀ + δc. A pressed one bears k w_n, and in shear friction as well: a spring of stiffness k
+   that slips at μ k |w_n|. Of the first shear it takes all it can bear. */
 
 #include <math.h>
 
@@ -19,8 +20,9 @@ typedef struct {
   double ultimate;   /* δc: opening from there on to failure [m] */
   double stiffness;  /* k [Pa/m] */
   double furthest;   /* D [m] */
-  double anchor[2];  /* where the spring of friction is at rest, of what has failed [m] */
+  double anchor[2];  /* where the spring of friction is at rest [m] */
   double pull[2];    /* stretch of that spring after the last step [m] */
+  double held;       /* that when the point opened [m] */
   double damper;     /* viscosity of what has softened [Pa s/m] */
   double drag[3];    /* what that bore in the last step [Pa] */
   double rubbed;     /* work of friction [J/m²] */
@@ -59,30 +61,43 @@ static inline double viscosity(const point_type *p, law_type law, const double w
   return p->damper * fmin((1.0 - secant(p) / p->stiffness) / MUCH_SOFTER, 1.0);
 }
 
-/* Traction t [Pa] at an opening w; what the point keeps follows.
-
-   Friction pulls a failed point by a spring of stiffness k as well, which slips at μ times the
-   pressure. */
+/* Traction t [Pa] at an opening w; what the point keeps follows. ``friction``: μ. */
 static inline void bear(double t[3], point_type *p, law_type law, double friction, const double w[3]) {
-  if (!has_failed(p)) {
-    p->furthest = fmax(p->furthest, effective(law, w));
-    for (int j = 0; j < 2; j++) p->anchor[j] = w[1 + j];
-  }
+  if (!has_failed(p)) p->furthest = fmax(p->furthest, effective(law, w));
   const double s = secant(p), k = p->stiffness, across = square(law.shear) * s;
-  t[0] = (w[0] > 0.0 ? s : k) * w[0];
-  for (int j = 0; j < 2; j++) t[1 + j] = across * w[1 + j];
-  if (!has_failed(p)) return;
   const double e[2] = {w[1] - p->anchor[0], w[2] - p->anchor[1]};
   const double stretch = sqrt(square(e[0]) + square(e[1])), most = friction * positive(-w[0]);
   const double kept = stretch > most ? most / stretch : 1.0;
+  t[0] = (w[0] > 0.0 ? s : k) * w[0];
   for (int j = 0; j < 2; j++) {
     const double pull = kept * e[j];
     /* The mean force of the step times the slip: what makes the spring's energy its work. */
     p->rubbed += 0.5 * k * (p->pull[j] + pull) * (e[j] - pull);
-    t[1 + j] = k * pull;
+    t[1 + j] = across * w[1 + j] + k * pull;
     p->anchor[j] = w[1 + j] - pull;
     p->pull[j] = pull;
   }
+}
+
+/* Begin to bear a traction t [Pa]. Friction takes what it can of a pressed point's shear, cohesion the
+   rest; what is more than the strength softens from there on, with the same energy. */
+static inline void begin(point_type *p, law_type law, double friction, const double t[3]) {
+  const double shear = sqrt(square(t[1]) + square(t[2])), most = friction * positive(-t[0]);
+  const double share = shear > most ? most / shear : 1.0, k = p->stiffness;
+  p->start[0] = t[0] / k;
+  for (int j = 0; j < 2; j++) {
+    p->pull[j] = share * t[1 + j] / k;
+    p->start[1 + j] = (1.0 - share) * t[1 + j] / (square(law.shear) * k);
+    p->anchor[j] = p->start[1 + j] - p->pull[j];
+  }
+  p->held = share * shear / k;
+  const double now = effective(law, p->start) * k;
+  if (now > p->strength) {
+    p->ultimate *= p->strength / now;
+    p->strength = now;
+  }
+  p->furthest = first_opening(p);
+  p->open = 1.0;
 }
 
 /* Energy since the point opened [J/m²]: stored, and lost in softening. Together they are the work of
@@ -91,7 +106,7 @@ static inline double stored(const point_type *p, law_type law, const double w[3]
   const double s = secant(p), k = p->stiffness, *w0 = p->start;
   double e = s * (square(effective(law, w)) - square(effective(law, w0)));
   e += k * (square(positive(-w[0])) - square(positive(-w0[0])));
-  if (has_failed(p)) e += k * (square(p->pull[0]) + square(p->pull[1]));
+  e += k * (square(p->pull[0]) + square(p->pull[1]) - square(p->held));
   return 0.5 * e;
 }
 static inline double fractured(const point_type *p, law_type law) {
