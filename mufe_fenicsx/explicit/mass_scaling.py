@@ -17,10 +17,10 @@ with the new mass, can but grow. Inertia is changed, statics is not. Since each 
 heavier by a share a_g, the speed of waves falls by up to 1/sqrt(1 + a_g), and its kinetic energy at
 a given speed grows by 1 + a_g.
 
-Two bounds hold at all times: added mass over the mass of all grains, and that of each grain over its
-own, or over that of a mean grain if it is lighter. For a shaving, which the border of an image cuts
-off, bears forces as large as its neighbours do: what its inertia adds is measured by theirs. t is
-the longest step that meets both, or the one asked for if that is shorter.
+Two bounds hold at all times: added mass over the mass of all grains, and that of each grain over
+its own, or over that of a mean grain if it is lighter. For a shaving, which the border of an image
+cuts off, bears forces like its neighbours: what its inertia adds is measured by theirs. t is the
+longest step that meets both, or the one asked for if that is shorter.
 
 Added mass never goes away. Where mass is added later to nodes that move, they keep their
 velocities; the kinetic energy that this takes is booked as negative damping.

@@ -25,10 +25,13 @@ class Fracture:
         ge=0, plausible=(0, 2),
     )  # fmt: skip
     modulus: float | None = setting(
-        None, "-", "Weibull modulus of the strengths of facets; None: all alike", gt=1
+        None, "-", "Weibull modulus of the strengths of facets or grains; None: all alike", gt=1
     )
     reference_volume: float | None = setting(
-        None, "m^3", "that has the strength with modulus; None: of each facet", gt=0
+        None, "m^3", "that has the strength with modulus; None: of each facet or grain", gt=0
+    )
+    scatter: str = setting(
+        "facet", "", "what has a strength of its own with modulus", allowed=("facet", "grain")
     )
     seed: int = setting(0, "", "of the random strengths", ge=0, plausible=(0, 2**63 - 1))
     lower_strength: bool = setting(
@@ -53,13 +56,13 @@ class Fracture:
     def strengths(self, names: np.ndarray, volume: np.ndarray, edge, E) -> np.ndarray:
         """Strengths of facets [Pa], shape (num_facets,).
 
-        By Weibull's law a facet of volume V fails below s with the probability
-        1 - exp(-V/V₀ (s/σ)^m). They hang on the seed and their names alone. Where the mesh is
+        By Weibull's law what has the volume V fails below s with the probability
+        1 - exp(-V/V₀ (s/σ)^m). They hang on the seed and the names alone. Where the mesh is
         lowered for, none exceeds √(E G_c/(3 h)) (Z. P. Bažant, B. H. Oh, Mater. Struct. 16, 1983).
 
         Args:
-            names: Whole numbers that name the facets, shape (num_facets, n).
-            volume: V, a quarter of both cells [m³], shape (num_facets,).
+            names: Whole numbers that name the facets, or their grains alike, (num_facets, n).
+            volume: V, of these [m³], shape (num_facets,).
             edge: Of facets [m], shape (num_facets,).
             E: Young's moduli [Pa], shape (num_facets,).
         """

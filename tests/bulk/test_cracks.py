@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.stats
 from mpi4py import MPI
 
 from mufe_fenicsx.bulk.cracks.cracks import Cracks
@@ -258,16 +259,38 @@ def test_strengths_follow_weibull():
         for level in (0.5, 0.8, 1.0):
             failed = 1.0 - np.exp(-volume / 1e-12 * level**5)
             assert np.mean(s < level * SIGMA) == pytest.approx(failed, abs=4e-3)
+    # Bodies of 100 such facets are as weak as their weakest one: the same law of their volume.
+    weakest = (
+        law.strengths(names, np.full(len(names), 1e-12), 1.0, 1e9).reshape(-1, 100).min(axis=1)
+    )
+    size = 100.0 ** (-1.0 / 5.0)
+    m, _, scale = scipy.stats.weibull_min.fit(weakest / SIGMA, floc=0.0)
+    # Of 1000 bodies, four standard errors: 0.78 m/√n and 1.05 scale/(m √n).
+    assert m == pytest.approx(5.0, rel=0.1) and scale == pytest.approx(size, rel=0.027)
     lowered = Fracture(SIGMA, 1.0, lower_strength=True)
     edges = np.array([1e-6, 1.0]) * lowered.zone(1e9)
     found = lowered.strengths(names[:2], 1.0, edges, 1e9)
     assert found == pytest.approx([SIGMA, SIGMA / np.sqrt(3.0)])
 
 
+def test_strengths_may_scatter_by_grain():
+    """All facets of a grain are alike, by its label and its whole volume."""
+    law = Fracture(SIGMA, 1.0, modulus=3.0, reference_volume=1e-9, scatter="grain", seed=4)
+    s, _ = pulled(law=law, bodies=2)
+    cracks, mesh = s.specimen.opening_terms[0], s.mesh
+    for grain in range(mesh.num_grains):
+        found = cracks.strength[cracks.facets.grain == grain]
+        volume = s.solid.volume0[mesh.grain_of_cell == grain].sum()
+        name = np.array([[mesh.labels[mesh.grains[grain]]]])
+        expected = law.strengths(name, np.array([volume]), 1.0, 1e9)
+        assert found == pytest.approx(np.full(found.size, expected[0]), rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("make", "line"),
     [
         (lambda: Fracture(0.0, 1.0), "strength = 0"),
+        (lambda: Fracture(1e6, 1.0, scatter="cell"), 'scatter = "cell"'),
         (lambda: Fracture(1e6, 0.0), "energy = 0"),
         (lambda: Fracture(1e6, 1.0, modulus=1.0), "modulus = 1"),
         (lambda: Fracture(1e6, 1.0, reference_volume=1e-9), "expected none without modulus"),

@@ -82,8 +82,11 @@ class Cracks(ForceTerm):
         self.facets = facets = Facets(self.mesh, solid.volume0)
         self._E = np.array([m.E for m in solid.materials])[facets.grain]
         label, grain = self.mesh.labels[self.mesh.grains], self.mesh.grains[facets.grain]
-        names = np.column_stack([label[facets.grain], facets.name])
-        self.strength = fracture.strengths(names, facets.volume, facets.height, self._E)
+        names, volume = np.column_stack([label[facets.grain], facets.name]), facets.volume
+        if fracture.scatter == "grain":
+            names = names[:, :1]
+            volume = np.add.reduceat(solid.volume0, self.mesh.cell_offset[:-1])[facets.grain]
+        self.strength = fracture.strengths(names, volume, facets.height, self._E)
         if fracture.friction is None:
             friction = specimen.contact.friction
             rows = friction.rows(grain, grain)
