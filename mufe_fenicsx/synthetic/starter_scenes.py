@@ -271,7 +271,8 @@ rho = "2650 kg/m^3"
 [fracture]                # the grain breaks along facets between its tetrahedra
 strength = "80 MPa"       # tensile; edges are a third of the zone E·energy/strength² or less
 energy = "10 J/m^2"       # of a crack, over its area
-shear_ratio = 4.0         # shear strength over tensile strength
+shear_ratio = 2.0         # shear strength over tensile strength
+friction = 0.6            # of facets that are pressed: without it contacts crush before grains split
 modulus = 5.0             # Weibull's, of the strengths of facets
 seed = 1                  # of these: `mufe run scene.toml --set fracture.seed=2` is another grain
 """
@@ -288,7 +289,7 @@ z = { stress = "1 MPa" }
 
 [[stage]]                 # strength: largest force before a fragment comes loose, over the diameter
 name = "crush"            # squared; from there on steps are shorter, and cost more
-z = { strain = 0.006 }
+z = { strain = 0.009 }
 """
 
 RIGID = """\
