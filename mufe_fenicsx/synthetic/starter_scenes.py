@@ -272,7 +272,7 @@ rho = "2650 kg/m^3"
 strength = "80 MPa"       # tensile; edges are a third of the zone E·energy/strength² or less
 energy = "10 J/m^2"       # of a crack, over its area
 shear_ratio = 2.0         # shear strength over tensile strength
-friction = 0.6            # of facets that are pressed: without it contacts crush before grains split
+friction = 0.6            # of pressed facets: without it contacts crush before grains split
 modulus = 5.0             # Weibull's, of the strengths of facets
 seed = 1                  # of these: `mufe run scene.toml --set fracture.seed=2` is another grain
 """
