@@ -74,7 +74,7 @@ class Printer:
             table.add_row(*row)
         # A pipe or a file has no width: lines as long as they need to be.
         width = None if self.stream.isatty() else 200
-        Console(file=self.stream, width=width, highlight=False).print(table)
+        Console(file=self.stream, width=width, highlight=False, markup=False).print(table)
 
     def write_json(self, result):
         """Write one JSON object, or a list of them, where it is wanted."""

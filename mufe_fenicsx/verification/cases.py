@@ -32,6 +32,7 @@ from .known_stress import known_stress
 from .material_point import material_point
 from .membrane import balloon, membrane_correction, membrane_specimen, membrane_tube
 from .mindlin import mindlin
+from .notched_plates import branching_plate, kalthoff_winkler
 from .oblique_impact import oblique_impact
 from .overlap import overlap
 from .packed_spheres import packed_spheres
@@ -109,6 +110,8 @@ CASES = (
         cracked_strip,
         expanding_ring,
         brazilian_disc,
+        kalthoff_winkler,
+        branching_plate,
         segmentation,
         soak,
     )

@@ -63,10 +63,10 @@ def cracked_strip(comm, height=40, zone=8.0, passes=80.0, damping=0.3, shear_rat
     while s.state.t < 1.2 * passes * crossing and not ran >= RUNS * EDGE:
         s.step(everywhere=False)
         if s.state.num_steps % 20 == 0 and cracks.opened.size:
-            failed = _failed(cracks)
+            failed = failed_area(cracks)
             ran = failed[middle[cracks.opened]].sum() / EDGE
     u = speed * s.state.t
-    failed, on = _failed(cracks), middle[cracks.opened]
+    failed, on = failed_area(cracks), middle[cracks.opened]
     e = s.energies()
     results = {
         "energy released over that of the crack": compare(E * u**2 / half / energy, 1.0, 0.03),
@@ -84,7 +84,7 @@ def cracked_strip(comm, height=40, zone=8.0, passes=80.0, damping=0.3, shear_rat
     return results, [s]
 
 
-def _failed(cracks):
+def failed_area(cracks):
     """Failed area of each open facet [m²], shape (num_opened,)."""
     p = cracks.points
     soft = p["furthest"] - p["strength"] / np.maximum(p["stiffness"], 1.0)

@@ -395,6 +395,12 @@ def test_summaries_are_in_words_with_units(capsys):
     ]
 
 
+def test_a_table_keeps_words_in_brackets(capsys):
+    Printer().table(["quantity [1]"], [["way of its front [mm]"]])
+    said = capsys.readouterr().out
+    assert "quantity [1]" in said and "front [mm]" in said
+
+
 def test_progress_without_a_terminal_is_told_in_lines(capsys, monkeypatch):
     monkeypatch.setattr(doing, "SECONDS_BETWEEN_LINES", 0.05)
     with progress_bar("meshing") as progress:

@@ -87,6 +87,8 @@ CHEAP = [
     ("cracked-strip", {}, "slow"),
     ("expanding-ring", {}, ""),
     ("brazilian-disc", {}, "slow"),
+    ("kalthoff-winkler", {}, "slow"),
+    ("branching-plate", {}, "slow"),
     ("strain-cycle", {"paths": 12, "steps": 400}, ""),
     ("crush", {"element_size": 0.4, "speed": 10}, "slow"),
 ]

@@ -26,6 +26,12 @@ def test_oedometric_modulus_solves_hookes_law():
     assert elasticity.oedometric_modulus(E, 0.0) == E
 
 
+def test_rayleigh_speed_at_a_quarter():
+    """ν = 1/4: r = 2 - 2/√3, and G = E/2.5."""
+    speed = elasticity.rayleigh_speed(2.5, 0.25, 1.0)
+    assert speed == pytest.approx(np.sqrt(2.0 - 2.0 / np.sqrt(3.0)), rel=1e-12)
+
+
 def test_hertz_pressure_carries_the_force():
     """∫ p0 √(1 - ρ²/a²) dA = F, with p0 = 2 E* a / (π R)."""
     R, E, delta = 2e-3, 50e9, 1e-6

@@ -13,6 +13,7 @@ from mufe_fenicsx.geometry.bodies.half_ellipsoid import half_ellipsoid
 from mufe_fenicsx.geometry.bodies.half_space import half_space
 from mufe_fenicsx.geometry.bodies.hollow import hollow
 from mufe_fenicsx.geometry.bodies.sleeve import sleeve
+from mufe_fenicsx.geometry.bodies.slit_plate import slit_plate
 from mufe_fenicsx.synthetic.formula_grains import Superquadric, mesh_formula
 from tests.bodies import euler_characteristic
 
@@ -23,6 +24,7 @@ SHAPES = {
     "sphere": (lambda: shapes.sphere(R, H), 4 / 3 * np.pi * R**3, 0.03),
     "cylinder": (lambda: shapes.cylinder(R, 2 * R, H), 2 * np.pi * R**3, 0.03),
     "tetrahedron": (lambda: shapes.tetrahedron(R), R**3 / np.sqrt(72), 1e-12),
+    "slit plate": (lambda: slit_plate(4 * R, 2 * R, H, (2 * R, 0.7 * R)), 8 * R**2 * H, 1e-12),
     "box": (lambda: shapes.box((R, 2 * R, 3 * R), (2, 3, 4)), 6 * R**3, 1e-12),
     "half ball": (lambda: half_ball(R, R / 20, 0.3), 2 / 3 * np.pi * R**3, 0.008),
     # These keep the volume of the curved part, but for the next order in h/R (h up to R/3) and
@@ -65,6 +67,18 @@ def test_sphere_is_fine_at_its_contact_and_grows_from_there():
     assert length[reach < 1.5 * a].mean() == pytest.approx(h, rel=0.1)
     ring = (reach > 4 * a) & (reach < 5 * a)
     assert length[ring].mean() == pytest.approx(h + growth * 3 * a, rel=0.1)
+
+
+def test_a_slit_plate_has_one_layer_whose_sides_follow_the_slit():
+    points, cells = slit_plate(4 * R, 2 * R, H, (2 * R, 0.7 * R))
+    on = (np.abs(points[:, 1] - 0.7 * R) < 1e-9 * R) & (points[:, 0] < (2 + 1e-9) * R)
+    assert np.isin(points[:, 2], [0.0, H]).all()
+    faces = np.sort(cells[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
+    faces, count = np.unique(faces[on[faces].all(axis=1)], axis=0, return_counts=True)
+    assert (count == 2).all()  # between two cells each, and the slit is covered by them
+    u, v = (points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2))
+    area = 0.5 * np.linalg.norm(np.cross(u, v), axis=1).sum()
+    assert area == pytest.approx(2 * R * H, rel=1e-12)
 
 
 def test_both_poles_are_nodes():
@@ -120,6 +134,7 @@ FINE = {
     "block": lambda h: block(1.0, 0.5, h, 0.1, 0.3),
     "hollow": lambda h: hollow(1.0, h, 0.1, 0.3),
     "half_space": lambda h: half_space(1.0, h, 1e-6, 0.1),
+    "slit_plate": lambda h: slit_plate(1.0, 1.0, 0.1 * h, (0.5, 0.3)),
     "sleeve": lambda h: sleeve(1.0, 0.01, 1.0, h),
     "mesh_formula": lambda h: mesh_formula(Superquadric((1.0, 1.0, 1.0), 2.5), h),
 }
