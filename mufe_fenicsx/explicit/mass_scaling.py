@@ -20,8 +20,7 @@ a given speed grows by 1 + a_g.
 Two bounds hold at all times: added mass over the mass of all grains, and that of each grain over
 its own, or over that of a mean grain if it is lighter. For a shaving, which the border of an image
 cuts off, bears forces like its neighbours: what its inertia adds is measured by theirs. t is the
-longest step that half of what is left of both allows, or the one asked for if that is shorter: the
-other half is for contacts that close later.
+longest step that meets both, or the one asked for if that is shorter.
 
 Added mass never goes away. Where mass is added later to nodes that move, they keep their
 velocities; the kinetic energy that this takes is booked as negative damping.
@@ -135,8 +134,6 @@ class MassScaling(Stateful):
             return False
 
         before = self.added
-        shares = self._shares(before, self.added_to_node)
-        bounds = [0.5 * sum(of) for of in zip(shares, (s.added, s.added_to_grain), strict=True)]
 
         def at(step):
             to_elements = step / own
@@ -151,8 +148,8 @@ class MassScaling(Stateful):
             return to_elements, to_nodes
 
         def allowed(step):
-            shares = self._shares(*at(step))
-            return all(share <= bound for share, bound in zip(shares, bounds, strict=True))
+            share, largest = self._shares(*at(step))
+            return share <= s.added and largest <= s.added_to_grain
 
         if not allowed(high):
             while high > (1.0 + RESOLVED) * low:

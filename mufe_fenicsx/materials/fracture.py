@@ -80,11 +80,12 @@ class Fracture:
 def uniform(seed: int, names: np.ndarray) -> np.ndarray:
     """A random number in (0, 1) of each row of whole numbers, by itself alone, shape (n,).
 
-    Source: G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014 (SplitMix64), a round for each column.
+    Source: G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014 (SplitMix64), a round for the seed and
+    for each column.
     """
     with np.errstate(over="ignore"):
-        z = np.full(len(names), np.uint64(seed))
-        for column in np.asarray(names, dtype=np.uint64).T:
+        z = np.zeros(len(names), np.uint64)
+        for column in (np.full(len(names), seed, np.uint64), *np.asarray(names, np.uint64).T):
             z = (z ^ column) + np.uint64(0x9E3779B97F4A7C15)
             z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
             z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

@@ -111,7 +111,7 @@ def draw_breakage(source):
     marks = (
         ("first crack of a grain", np.unique(at[(at > 0) & (at < x.size)]), style.SKY, "^", 14),
         ("more fragments", np.flatnonzero(pieces & ~whole), style.ORANGE, ".", 14),
-        ("a grain comes apart", np.flatnonzero(whole), style.RED, "o", 16),
+        ("first piece of a grain", np.flatnonzero(whole), style.RED, "o", 16),
     )
     for label, rows, colour, marker, size in marks:
         if rows.size:
@@ -147,7 +147,8 @@ def draw_breakage(source):
         f"Breakage: (a) {'vertical stress' if symbol == 'Pa' else 'force'} with what happens to "
         "grains, (b) area of facets that opened, by what bore more, (c) fragments of broken grains",
         "An open facet softens, and has failed when it has taken its fracture energy: opened area "
-        f"may still bear. A grain comes apart where a piece has come loose of it.{before}",
+        "may still bear. A grain counts as broken from its first loose piece on, a crumb too."
+        f"{before}",
         {"": columns},
         "wide",
     )
@@ -232,11 +233,16 @@ def breakage_rows(source):
     rows.append(("First crack", f"grain {cracked.grain[0]}, {when(row)}"))
     broken = np.flatnonzero(history["broken_grains"])
     if broken.size:
-        rows.append(("First grain apart", when(broken[0])))
+        rows.append(("First piece loose", when(broken[0])))
         if number == 1:
-            most = load(history)[: broken[0]].max(initial=0.0)
-            strength = style.quantity(most / diameter(whole[0]) ** 2, "Pa")
-            rows.append(("Largest force up to there, over the diameter squared", strength))
+            bears, size = load(history), diameter(whole[0])
+            most = int(np.argmax(bears))
+            for name, force in (
+                (f"Largest force over the diameter squared, at strain "
+                 f"{style.strain(history['strain'][most])}", bears[most]),
+                ("The same until a first piece came loose", bears[: broken[0] + 1].max()),
+            ):  # fmt: skip
+                rows.append((name, style.quantity(force / size**2, "Pa")))
     near, known = int(np.nansum(cracked.near)), int(np.isfinite(cracked.near).sum())
     if known:
         rows.append(

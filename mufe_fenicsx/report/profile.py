@@ -39,7 +39,7 @@ def draw_profile(source):
     return Drawing(
         NAME,
         figure,
-        "Where the time went: (a) of a step as the test goes on, (b) of all steps",
+        "Where the time went: (a) of a step as the test goes on, (b) of all steps, colours alike",
         "Means over ranks. The time of a part that another one calls counts for the inner one.",
         {"": {"strain": strain, "steps": steps} | {f"{p} [s]": table[p] for p in order}},
         "wide",

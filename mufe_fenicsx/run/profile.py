@@ -20,6 +20,7 @@ PARTS = {
     ),
     "motion": (("motion", "drift"), ("motion", "kick")),
     "rigid": (("rigid", "add_forces"), ("rigid", "drift"), ("rigid", "kick")),
+    "cracks": (),  # terms that open facets, and growths of the mesh
     "time step": (("", "update_time_step"),),
     "checks": (("", "check"), ("", "energies")),
 }
@@ -39,14 +40,32 @@ class Profile:
         self._course = []  # rows of the table
         self._start, self._first = time.perf_counter(), simulation.state.num_steps
         self._searches = simulation.contact.num_searches
+        self._keep_time()
+        grow = self.timed(simulation.grow, "cracks")
+
+        def grow_and_keep_time(between):
+            grow(between)
+            self._keep_time()  # of what is new
+
+        simulation.grow = grow_and_keep_time
+
+    def _keep_time(self):
+        """Replace methods of all parts, where they are not yet, by ones that keep time. Local."""
+        simulation = self.simulation
         for part, methods in PARTS.items():
             for owner, name in methods:
                 thing = simulation
                 for attribute in filter(None, owner.split(".")):
                     thing = getattr(thing, attribute, None)
-                if thing is None:  # increments know no such part
-                    continue
-                setattr(thing, name, self.timed(getattr(thing, name), part))
+                if thing is not None:  # increments know no such part
+                    self._replace(thing, name, part)
+        for term in simulation.specimen.opening_terms:
+            for name in ("facets_to_open", "add_forces"):
+                self._replace(term, name, "cracks")
+
+    def _replace(self, thing, name, part):
+        if name not in vars(thing):
+            setattr(thing, name, self.timed(getattr(thing, name), part))
 
     def timed(self, function, part):
         """The function with its time kept under ``part``."""

@@ -463,8 +463,8 @@ KINDS = {
         functools.partial(column_of_balls, 1),
     ),
     "crushing": (
-        _text("A grain crushed between two platens", CRUSHING, "one ball of 0.3 mm", 0.4, 0.4,
-              QUARTZ),
+        _text("A grain crushed between two platens", CRUSHING, "one ball of 0.3 mm, its poles flat",
+              0.4, 0.4, QUARTZ),
         blunt_ball,
     ),
     "two-spheres": (

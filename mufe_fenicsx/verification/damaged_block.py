@@ -19,7 +19,7 @@ LOOKS = 20
 @case("damaged-block", num_bodies=1)
 def damaged_block(
     comm, cubes=5, share=0.75, steps=100_000, damage_from=0.2, damage_to=0.95, factor=0.9,
-    damping=0.07, undamped_steps=20_000,
+    damping=0.07, undamped_steps=20_000, friction=0.0,
 ):  # fmt: skip
     """Facets that have softened open and close all the time, and no energy comes of it.
 
@@ -36,11 +36,12 @@ def damaged_block(
         factor: Time step over the limit of stability.
         damping: Over the critical one.
         undamped_steps: Time steps without the dashpot.
+        friction: Of facets that are pressed; it damps, so that without a dashpot little may grow.
     """
     lost = damage_from, damage_to
-    s, block = _block(comm, cubes, share, lost, factor, damping)
+    s, block = _block(comm, cubes, share, lost, factor, damping, friction)
     energies = _course(s, steps)
-    free, _ = _block(comm, cubes, share, lost, factor, 0.0)
+    free, _ = _block(comm, cubes, share, lost, factor, 0.0, friction)
     wild = _course(free, undamped_steps)
     results = {
         "largest energy over that of the start": compare(
@@ -56,7 +57,7 @@ def damaged_block(
     return results, [s, free]
 
 
-def _block(comm, cubes, share, lost, factor, damping):
+def _block(comm, cubes, share, lost, factor, damping, friction=0.0):
     """A simulation in motion whose opened facets have lost a part of their stiffness."""
     random = np.random.default_rng(1)
     s = build(
@@ -64,7 +65,7 @@ def _block(comm, cubes, share, lost, factor, damping):
         axes="", time_step_factor=factor,
     )  # fmt: skip
     energy = 3.0 * EDGE * STRENGTH**2 / E
-    block = Cracks(s.specimen, Fracture(STRENGTH, energy, damping=damping))
+    block = Cracks(s.specimen, Fracture(STRENGTH, energy, friction=friction, damping=damping))
     s.add_term(block)
     s.step()
     s.grow(block.declare_open(np.flatnonzero(random.random(block.strength.size) < share)))

@@ -253,6 +253,9 @@ def test_strengths_follow_weibull():
     """Of 1e5 facets: the share below s by its law, for facets of one volume and of ten."""
     names = np.arange(300_000).reshape(-1, 3)
     assert np.unique(uniform(1, names)).size == len(names)
+    # Another seed gives other numbers, not the same ones to other names.
+    few = np.arange(1, 33)[:, None]
+    assert np.unique([uniform(seed, few) for seed in range(32)]).size == 32 * 32
     law = Fracture(SIGMA, 1.0, modulus=5.0, reference_volume=1e-12)
     for volume in (1e-12, 1e-11):
         s = law.strengths(names, np.full(len(names), volume), 1.0, 1e9)

@@ -35,7 +35,7 @@ SCENE = Scene(
     contact=Contact(friction=0.4),
     oedometer=Oedometer(strain=0.004, speed=30.0, ramp=0.002, seating_stress=1e4),
     output=Output(fields=3, history=21),
-    fracture=Fracture(50e6, 60.0, modulus=6.0, seed=3),
+    fracture=Fracture(50e6, 60.0, modulus=6.0, seed=1),
 )
 
 
@@ -145,7 +145,7 @@ def test_the_report_shows_what_broke(broken, tmp_path):
     for text in (
         f"B (Einav 2007)</td><td>{number(numbers['einav'])}<",
         f"Fragments of broken grains</td><td>{number(numbers['num_fragments'])}<",
-        f"First grain apart</td><td>{history['stage'][broke]}, strain",
+        f"First piece loose</td><td>{history['stage'][broke]}, strain",
         "Fracture work</td>",
         '"name": "fragment"',
         f"at {num_states} of {num_states} stored states",
