@@ -158,6 +158,7 @@ class TestRun:
             self._check_disk()
             return
         summary |= {name: checkpoint.header[name] for name in KEPT}
+        summary["edges_per_diameter"] = float(summary["edges_per_diameter"])
         resumed = [*summary["resumed_at_steps"], checkpoint.header["step"]]
         summary["resumed_at_steps"] = resumed
 

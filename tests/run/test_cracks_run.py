@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -19,7 +20,8 @@ from mufe_fenicsx.output.contacts import read_contacts
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.output.run_folder import read_run_json
-from mufe_fenicsx.report import write_report
+from mufe_fenicsx.report import breakage, style, write_report
+from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.report.style import number
 from mufe_fenicsx.results import Run
 from mufe_fenicsx.run.recorder import Recorder
@@ -27,6 +29,7 @@ from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver, load_scene, scene_to_toml
 from tests.bodies import RADIUS, packed_grains
 from tests.checkpoints import arrays
+from tests.report.test_report_axes import legends_beside_axes
 from tests.run.test_checkpoint import files
 
 COMM = MPI.COMM_WORLD
@@ -151,6 +154,9 @@ def test_the_report_shows_what_broke(broken, tmp_path):
         f"at {num_states} of {num_states} stored states",
     ):
         assert text in page, text
+    with matplotlib.rc_context(style.RC):
+        for draw in (breakage.draw_breakage, breakage.draw_fragments):
+            assert legends_beside_axes(draw(Source(folder)).figure)
 
 
 def test_a_run_that_goes_back_closes_what_had_opened_since(broken, monkeypatch):
