@@ -74,7 +74,8 @@ class MassScaling(Stateful):
         grain_mass = rho * self._of_grains(solid.volume0)
         total = self.comm.allreduce(np.array([grain_mass.sum(), grain_mass.size]))
         self._total = float(total[0])
-        self._grain_mass = np.maximum(grain_mass, total[0] / total[1])  # that a bound is over
+        #: What the share of each grain is over [kg].
+        self._at_least_mean = np.maximum(grain_mass, total[0] / total[1])
         self._some, self._added = np.empty(0, dtype=int), np.empty(0)  # elements with added mass
         self.added_to_node = np.zeros(mesh.num_nodes)  #: mass added for springs of contact [kg]
         self.wanted = 0.0  #: step of the worst element that it was last adjusted to [s]
@@ -109,7 +110,7 @@ class MassScaling(Stateful):
         of_grains = self._rho * self._of_grains(added * self.solid.volume0)
         of_grains += np.bincount(self.mesh.grain_of_node, added_to_node, of_grains.size)
         total = self.comm.allreduce(float(of_grains.sum()))
-        largest = float((of_grains / self._grain_mass).max(initial=0.0))
+        largest = float((of_grains / self._at_least_mean).max(initial=0.0))
         return total / self._total, self.comm.allreduce(largest, op=MPI.MAX)
 
     def adjust(self, x, springs=None):

@@ -152,7 +152,6 @@ class Recorder:
         """One row of the history. Returns its energies [J]."""
         self._check_lock()
         sim, loading = self.simulation, self.loading
-        self.voids.cells = sim.mesh.cells[: sim.mesh.num_sample_cells]
         forces, energies = loading.measures.forces(), sim.energies()
         active = sim.num_active_grains()
         added, largest = sim.scaling.shares() if sim.scaling else (0.0, 0.0)
