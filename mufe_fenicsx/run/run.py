@@ -82,6 +82,7 @@ def run_scene(
             result = test.run(checkpoint, doing)
     finally:
         lock.free()
+    comm.Barrier()  # whoever returns finds the folder free
     if scene.output.report and result["finished"]:
         result["report"] = draw_report(comm, folders[1], options.quiet)
     return result

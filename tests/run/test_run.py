@@ -19,6 +19,8 @@ from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.output.contacts import read_contacts, read_patches
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.output.run_folder import LOCK
+from mufe_fenicsx.output.run_lock import RunLock
 from mufe_fenicsx.run import recorder
 from mufe_fenicsx.run import run as run_module
 from mufe_fenicsx.run.from_scene import load_mesh, make_simulation
@@ -54,6 +56,19 @@ def small_scene(**changes):
         oedometer=Oedometer(**(values | changes)),
         output=Output(fields=3, history=21),
     )
+
+
+@pytest.mark.mpi
+def test_every_rank_that_returns_finds_the_folder_free(folder, grains, monkeypatch):
+    comm, free = MPI.COMM_WORLD, RunLock.free
+
+    def late(self):
+        time.sleep(0.2 if comm.rank == 0 else 0.0)
+        free(self)
+
+    monkeypatch.setattr(RunLock, "free", late)
+    run_scene(small_scene(), grains, folder / "out", comm, quiet=True, max_steps=1)
+    assert not (folder / "out" / LOCK).exists()
 
 
 @pytest.mark.mpi
