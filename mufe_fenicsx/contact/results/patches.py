@@ -17,7 +17,22 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from ...kernels.contact.patches import join_points
+from ...kernels.contact.patches import (
+    AREA,
+    COUNT,
+    DEFORMED,
+    EDGE,
+    FORCE,
+    KNOWN,
+    MOMENT,
+    NUM_COLUMNS,
+    OVERLAP,
+    PLACE,
+    STRENGTH,
+    heights_over_facets,
+    join_points,
+    terms_of_points,
+)
 from ..surface.points import entries
 from .edge_contacts import closed_crossings
 
@@ -49,15 +64,6 @@ class Patches:
         # The smallest moment is that across the plane of the patch.
         narrow = np.linalg.eigvalsh(np.nan_to_num(self.moment))[:, 1]
         return 4.0 * np.sqrt(np.maximum(narrow, 0.0) + self.edge**2 / 24.0) / self.edge
-
-
-#: Columns of the sums over points.
-_COUNT, _AREA, _DEFORMED, _FORCE, _EDGE = range(5)
-_PLACE, _MOMENT = slice(5, 8), slice(8, 17)
-#: Area of each side whose yield stress is known, and that area times the stress.
-_KNOWN, _STRENGTH = slice(17, 19), slice(19, 21)
-_OVERLAP = 21
-_NUM_COLUMNS = 22
 
 
 def find_patches(contact, mesh, x, strength=None):
@@ -96,8 +102,9 @@ def _own_patches(contact, mesh, x, strength):
     patch = join_points(bodies, order, vertices, contact.ghosts.num_nodes)
     of_patch, total = _sums_of(patch, pair, sums)
     rank = np.append(mesh.rank_of_grain, np.full(len(contact.walls.names), contact.comm.rank))
-    abroad = (rank[pair] != contact.comm.rank).any(axis=1)
-    point, which = np.nonzero((vertices >= 0) & abroad[:, None])
+    abroad = np.flatnonzero((rank[of_patch] != contact.comm.rank).any(axis=1)[patch])
+    point, which = np.nonzero(vertices[abroad] >= 0)
+    point = abroad[point]
     numbers = _numbers_on_all_ranks(contact)[vertices[point, which]]
     return of_patch, total, np.column_stack([patch[point], numbers])
 
@@ -117,18 +124,20 @@ def _terms(contact, x, strength):
     num_bodies = contact.dissipation.num_grains
     on, at = np.flatnonzero(p.closed), np.flatnonzero(w.closed)
     opposite = contact.surface.facets[p.candidate[p.closest[on]]]
-    corners, corners_at = (points.carriers(node)[0] for node in (p.node[on], w.node[at]))
-    surface, own = contact.ghosts.positions.array[contact.ghosts.num_before :], contact.own.nodes
-    over = _over_planes(x[own[corners]], surface[opposite])
-    off = [contact.walls.gaps(x[own[corner]], w.wall[at])[0] for corner in corners_at.T]
+    corners, corners_at = points.corner[p.node[on]], points.corner[w.node[at]]
+    surface, x = contact.ghosts.positions.array[contact.ghosts.num_before :], x[contact.own.nodes]
+    over = np.empty((on.size, 3))
+    heights_over_facets(over, x, corners, surface, opposite)
+    off = [contact.walls.gaps(x[corner], w.wall[at])[0] for corner in corners_at.T]
     off = np.stack(off, axis=1)
     crossings = closed_crossings(contact)
     grain = points.grain_of_point
     groups = (
         (grain[p.node[on]], p.grain[on], np.hstack([corners, opposite]),
-         _terms_of_points(contact, x, strength, p, on, contact.areas(on), over)),
+         _terms_of_points(contact, x, strength, p, on, contact.areas(on), over, p.grain[on])),
         (grain[w.node[at]], w.wall[at] + num_bodies, corners_at,
-         _terms_of_points(contact, x, strength, w, at, points.area[w.node[at]], off)),
+         _terms_of_points(
+             contact, x, strength, w, at, points.area[w.node[at]], off, w.wall[at] + num_bodies)),
         (crossings.grain, crossings.partner, crossings.nodes,
          _terms_of_crossings(crossings)),
     )  # fmt: skip
@@ -138,17 +147,13 @@ def _terms(contact, x, strength):
         vertices[first : first + len(some), : some.shape[1]] = some
         first += len(some)
     one, other, terms = (np.concatenate([g[k] for g in groups]) for k in (0, 1, 3))
-    swap = other < one
-    terms[swap, _KNOWN], terms[swap, _STRENGTH] = (
-        terms[swap, some][:, ::-1] for some in (_KNOWN, _STRENGTH)
-    )
     pair = np.column_stack([np.minimum(one, other), np.maximum(one, other)]).astype(np.int64)
     if points.are_nodes:
         links = _links_of_nodes(
             points, pair[: on.size + at.size], np.append(p.node[on], w.node[at])
         )
         pair, vertices = np.vstack([pair, links[0]]), np.vstack([vertices, links[1]])
-        terms = np.vstack([terms, np.zeros((len(links[0]), _NUM_COLUMNS))])
+        terms = np.vstack([terms, np.zeros((len(links[0]), NUM_COLUMNS))])
     return pair, vertices, terms
 
 
@@ -166,75 +171,44 @@ def _links_of_nodes(points, pair, node):
     return np.repeat(pair, count, axis=0)[both], vertices
 
 
-def _over_planes(corners, facets):
-    """Heights of points over the planes of facets, each (num, 3, 3) [m], shape (num, 3)."""
-    a, b, c = facets.transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    return np.einsum("nki,ni->nk", corners - a[:, None], normal)
-
-
-def mean_depth(gaps):
-    """Mean over a triangle of what lies below zero of a linear field, shape (num,).
+def _terms_of_points(contact, x, strength, pairs, on, area, gap, opposite):
+    """Terms of the sums for pairs ``on``.
 
     Args:
-        gaps: At its corners [m], shape (num, 3).
+        contact, strength: As above.
+        x: Positions of own surface nodes [m], shape (num_nodes, 3).
+        pairs, on: Table of pairs, and those of it that are closed.
+        area: That they carry in the reference configuration [m²], shape (num,).
+        gap: At the corners of their facets [m], shape (num, 3).
+        opposite: The other body of each, shape (num,).
     """
-    low, middle, high = np.sort(gaps, axis=1).T
-    mean = np.where(high <= 0.0, -gaps.mean(axis=1), 0.0)
-    # A corner below zero cuts a pyramid from the prism, and so does one above.
-    one, two = (low < 0.0) & (middle >= 0.0), (middle < 0.0) & (high > 0.0)
-    cut = -low * low * low, 3.0 * (middle - low) * (high - low)
-    np.divide(*cut, out=mean, where=one)
-    rest = high * high * high, 3.0 * (high - low) * (high - middle)
-    above = np.divide(*rest, out=np.zeros_like(mean), where=two)
-    return np.where(two, above - gaps.mean(axis=1), mean)
-
-
-def _terms_of_points(contact, x, strength, pairs, on, area, gaps):
-    """Terms of the sums for pairs ``on``, whose own side is the first; ``gaps``: at its corners."""
     own, points = contact.own, contact.points
     node = pairs.node[on]
-    place = points.places(contact.ghosts.positions.own, node)
-    terms = np.zeros((on.size, _NUM_COLUMNS))
-    terms[:, _COUNT] = 1
-    terms[:, _AREA] = area
-    terms[:, _DEFORMED] = area * points.stretch(own, x, node)
-    terms[:, _FORCE] = pairs.normal_force[on]
+    at, begin, _ = entries(points.ring_offset, node)
     # Sharp vertices stand on the area of the facets around.
     counts = points.are_nodes | (node < points.num_in_facets)
-    terms[:, _OVERLAP] = counts * terms[:, _DEFORMED] * mean_depth(gaps)
-    facet, begin, count = _facets_around(contact, node)
-
-    def mean(values):
-        return np.add.reduceat(values, begin) / count if node.size else np.zeros(0)
-
-    terms[:, _EDGE] = area * mean(own.facet_edge[facet])
-    terms[:, _PLACE] = area[:, None] * place
-    terms[:, _MOMENT] = (area[:, None, None] * place[:, :, None] * place[:, None]).reshape(-1, 9)
-    if strength is not None:
-        terms[:, _KNOWN.start] = area
-        terms[:, _STRENGTH.start] = area * mean(strength[facet])
+    terms = np.zeros((on.size, NUM_COLUMNS))
+    known = np.full(len(own.facets), np.nan) if strength is None else strength
+    terms_of_points(
+        terms, points.grain_of_point[node] > opposite, counts, area, pairs.normal_force[on], gap,
+        *points.carriers(node), x, points.ring[at], np.append(begin, at.size),
+        own.facets, np.column_stack([own.facet_area, own.facet_edge, known]),
+    )  # fmt: skip
     return terms
-
-
-def _facets_around(contact, node):
-    """Own facets at each point ``node``, one after another, and the first of each and how many."""
-    at, begin, count = entries(contact.points.ring_offset, node)
-    return contact.points.ring[at], begin, count
 
 
 def _terms_of_crossings(crossings):
     """Terms of the sums for crossings; edges are as long as they are now."""
     c, place = crossings, crossings.place
-    terms = np.zeros((c.normal_force.size, _NUM_COLUMNS))
-    terms[:, _COUNT] = 1
-    terms[:, _AREA] = terms[:, _DEFORMED] = c.area
-    terms[:, _FORCE] = c.normal_force
+    terms = np.zeros((c.normal_force.size, NUM_COLUMNS))
+    terms[:, COUNT] = 1
+    terms[:, AREA] = terms[:, DEFORMED] = c.area
+    terms[:, FORCE] = c.normal_force
     lengths = np.linalg.norm(c.ends[:, 1::2] - c.ends[:, ::2], axis=2)
-    terms[:, _EDGE] = c.area * lengths.mean(axis=1)
-    terms[:, _PLACE] = c.area[:, None] * place
-    terms[:, _MOMENT] = (c.area[:, None, None] * place[:, :, None] * place[:, None]).reshape(-1, 9)
+    terms[:, EDGE] = c.area * lengths.mean(axis=1)
+    terms[:, PLACE:MOMENT] = c.area[:, None] * place
+    moment = c.area[:, None, None] * place[:, :, None] * place[:, None]
+    terms[:, MOMENT:KNOWN] = moment.reshape(-1, 9)
     return terms
 
 
@@ -267,29 +241,29 @@ def _joined(parts):
 
 def _patches(pair, sums, num_grains):
     """:class:`Patches` from the sums over all of their points."""
-    order = np.lexsort((-sums[:, _FORCE], pair[:, 1], pair[:, 0]))
+    order = np.lexsort((-sums[:, FORCE], pair[:, 1], pair[:, 0]))
     pair, sums = pair[order], sums[order]
-    area, force = sums[:, _AREA], sums[:, _FORCE]
-    edge, mean = sums[:, _EDGE] / area, sums[:, _PLACE] / area[:, None]
-    moment = sums[:, _MOMENT].reshape(-1, 3, 3) / area[:, None, None]
+    area, force = sums[:, AREA], sums[:, FORCE]
+    edge, mean = sums[:, EDGE] / area, sums[:, PLACE:MOMENT] / area[:, None]
+    moment = sums[:, MOMENT:KNOWN].reshape(-1, 3, 3) / area[:, None, None]
     moment -= mean[:, :, None] * mean[:, None]
     between, share = pair[:, 1] < num_grains, np.zeros(len(area))
     for kind in (between, ~between):
         share[kind] = force[kind] / (force[kind].sum() or 1.0)
-    known, strength = sums[:, _KNOWN], sums[:, _STRENGTH]
+    known, strength = sums[:, KNOWN:STRENGTH], sums[:, STRENGTH:OVERLAP]
     each = np.divide(strength, known, out=np.full(known.shape, np.inf), where=known > 0)
     return Patches(
         a=pair[:, 0],
         b=pair[:, 1],
-        num_points=sums[:, _COUNT].astype(np.int64),
+        num_points=sums[:, COUNT].astype(np.int64),
         area=area,
-        area_deformed=sums[:, _DEFORMED],
+        area_deformed=sums[:, DEFORMED],
         edge=edge,
         elements_per_radius=np.sqrt(area / np.pi) / edge,
         moment=moment,
         normal_force=force,
         force_share=share,
-        overlap=sums[:, _OVERLAP],
+        overlap=sums[:, OVERLAP],
         yield_stress=each.min(axis=1),
         between_grains=between,
     )

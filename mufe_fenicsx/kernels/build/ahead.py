@@ -58,6 +58,8 @@ LOOPS = {
     "energy.elastic_energy": "d1 d2 d2 i2 d1 l1 l1 i1 l1 d1 d1 d1 d1 d1 l",
     "neo_hooke.add_neo_hookean_energy": "d1 d2 d2 i2 d1 l1 l1 d1",
     "patches.join_points": "l1 l1 l2 l",
+    "patches.heights_over_facets": "d2 d2 i2 d2 i2",
+    "patches.terms_of_points": "d2 b1 b1 d1 d1 d2 i2 d2 d2 i1 l1 i2 d2",
     "motion.half_kick_and_drift": "d2 d2 d2 d2 d2 d2 l2 d d d2 d1",
     "motion.advance": "d2 d2 d2 d2 d2 d",
     "walls.motion_to_walls": "d1 d2 d2 d2 d1 d2 d3 d1 d",
