@@ -86,6 +86,10 @@ def test_labels_of_a_sample_that_is_cut_out(packed, tmp_path):
     first = round(off)
     part = whole[tuple(slice(first, first + n) for n in inner.shape)]
     assert ((part > 0) == (inner > 0)).mean() > 0.9
+    # Caps of a sphere lower than an eighth of its diameter, 5 % of its volume, are void.
+    volume = load_grains(packed / "a" / "grains").volumes / voxel**3
+    left = np.bincount(inner.ravel(), minlength=volume.size + 1)[1:] / volume
+    assert (left[left > 0] > 0.04).all()  # voxels of 20 um in balls of some 300 um: 3 %
 
 
 def test_the_scene_runs_and_a_seed_repeats_the_packing(packed, tmp_path):

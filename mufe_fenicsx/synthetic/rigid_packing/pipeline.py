@@ -25,6 +25,9 @@ from .ways import PRESSURE, TOLERANCE, compress, reach_void_ratio, settle
 
 #: File by which a folder is known as one that may be replaced.
 MARKER = "packing.csv"
+#: Part of a grain's volume below which what is left of it in a sample cut out is void: a cap of
+#: an eighth of a sphere's diameter.
+LEAST = 0.05
 #: Table of the scene of a cylinder.
 ROUND = """
 [container]
@@ -84,7 +87,7 @@ def pack(source, settings, output_folder, *, spheres=False, overwrite=False, pro
         save_grains(folder / "grains", grains)
         write_table(folder / MARKER, _rows(draw, assembly))
         if settings.voxel_size is not None:
-            _write_labels(folder / "labels.tif", assembly, draw.unit, settings)
+            _write_labels(folder / "labels.tif", assembly, draw, settings)
         text = _scene_text(grains.num_grains, assembly.container.kind, settings)
         write_scene(text, folder, output_folder)
         draw_packing(folder / "packing.png", assembly, draw.unit)
@@ -232,11 +235,15 @@ def _rows(draw, assembly):
     ]
 
 
-def _write_labels(path, assembly, unit, settings):
-    """Voxels of the container, each with the grain in which its middle lies deepest."""
+def _write_labels(path, assembly, draw, settings):
+    """Voxels of the container, each with the grain in which its middle lies deepest.
+
+    Of a sample cut out, what is left of a grain is void where that is less than :data:`LEAST` of
+    it: too thin for a mesh.
+    """
     bodies, container, s = assembly.bodies, assembly.container, assembly.bodies.shapes
     voxel_size, cut = settings.voxel_size, settings.cut
-    low, high, voxel = container.low + cut, container.high - cut, voxel_size / unit
+    low, high, voxel = container.low + cut, container.high - cut, voxel_size / draw.unit
     largest = 0.5 * float((container.high - container.low).min()) - voxel
     require(cut < largest, "cut", cut, f"less than half of the container, {largest:.3g}")
     shape = np.ceil((high - low) / voxel - 1e-6).astype(int)
@@ -252,6 +259,10 @@ def _write_labels(path, assembly, unit, settings):
         z, y, x = np.nonzero(labels)
         middles = low + (np.column_stack([x, y, z]) + 0.5) * voxel
         labels[z, y, x] *= container.inside(middles, cut)
+    if cut:
+        whole = np.pi / 6 * (draw.size / voxel_size) ** 3
+        left = np.bincount(labels.ravel(), minlength=len(whole) + 1)
+        labels[np.insert(left[1:] < LEAST * whole, 0, False)[labels]] = 0
     write_labels(path, labels, voxel_size)
 
 
