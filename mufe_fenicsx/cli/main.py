@@ -179,6 +179,12 @@ def report(
     skip: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Leave this figure out; repeatable.")
     ] = None,
+    overlay: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE", help="Measured curves to draw and compare, as lab.csv; repeatable."
+        ),
+    ] = None,
     chain_angle: Annotated[
         float, typer.Option(help="Of force chains against the stress of their grains [degrees].")
     ] = 45.0,
@@ -196,8 +202,9 @@ def report(
         from ..report import write_report
 
         result = write_report(
-            folders, output, grain, points, only, skip, processes=0, chain_angle=chain_angle
-        )
+            folders, output, grain, points, only, skip,
+            processes=0, chain_angle=chain_angle, overlays=overlay or (),
+        )  # fmt: skip
     printer.say(*(f"not in the report: {sentence}" for sentence in result["missing"]))
     printer.say(f"report: {result['report']}")
     printer.write_json(result)

@@ -73,7 +73,7 @@ def scene(
 
 
 def _read_files_of(scene):
-    """Read the motions and tools that a scene names, where it names any, to check them."""
+    """Read the motions, tools and measured curves that a scene names, to check them."""
     if scene.stages:
         from ..loading.measured_paths import read_motions
 
@@ -82,6 +82,10 @@ def _read_files_of(scene):
         from ..run.scene_tools import read_tools
 
         read_tools(scene)
+    for reference in scene.references:
+        from ..results.reference_curves import read_reference
+
+        read_reference(reference)
 
 
 @app.command()

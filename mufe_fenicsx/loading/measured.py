@@ -34,7 +34,58 @@ TIME = "time"
 STEP, MOST = 1e-12, 1e100
 #: Bytes of a file.
 LARGEST = 100_000_000
-_NAME = re.compile(r"\s*(\w+)\s*(?:\[\s*([^\]]*?)\s*\])?\s*")
+NAME_AND_UNIT = re.compile(r"\s*(\w+)\s*(?:\[\s*([^\]]*?)\s*\])?\s*")
+
+
+@dataclass(frozen=True)
+class Table:
+    """A CSV file: the names of its columns and its rows, as texts with the numbers of lines."""
+
+    path: Path
+    number: int  #: line of the header
+    header: list[str]
+    rows: list[tuple[int, list[str]]]
+    checksum: int  #: of the bytes of the file
+
+    def values(self, names, least=2):
+        """Numbers of the columns, shape (num_rows, num_columns).
+
+        Args:
+            names: Of all columns, for messages; None where a column is left aside.
+            least: Number of rows that there have to be.
+
+        Raises:
+            InputError: There are fewer rows, or a value is no finite number.
+        """
+        if len(self.rows) < least:
+            wanted = "one" if least == 1 else "two"
+            raise InputError(f"{self.path} has {len(self.rows)} rows, expected at least {wanted}")
+        return np.array([_numbers(self.path, number, row, names) for number, row in self.rows])
+
+
+def read_table(path) -> Table:
+    """Read a CSV file whose first line names the columns; lines with # are comments. Local.
+
+    Raises:
+        InputError: It cannot be read, or is empty.
+    """
+    path = Path(path)
+    try:
+        if regular(path).stat().st_size > LARGEST:
+            raise InputError(f"{path} has more than {LARGEST} bytes, expected a table of curves")
+        data = path.read_bytes()
+        text = data.decode("utf-8-sig")
+        lines = list(csv.reader(io.StringIO(text, newline="")))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path} cannot be read ({reason(error)}), expected a CSV file") from error
+    rows = [
+        (number, row)
+        for number, row in enumerate(lines, start=1)
+        if any(cell.strip() for cell in row) and not row[0].lstrip().startswith("#")
+    ]
+    if not rows:
+        raise InputError(f"{path} has no line, expected the names of columns")
+    return Table(path, *rows[0], rows[1:], zlib.crc32(data))
 
 
 @dataclass(frozen=True)
@@ -94,34 +145,17 @@ def read_measured(path: str | Path, units: Mapping[str, str]) -> Measured:
         InputError: It cannot be read, a column is not known or missing, a value is no number, or
             the time does not grow. The message names the file and the line.
     """
-    path = Path(path)
-    try:
-        if regular(path).stat().st_size > LARGEST:
-            raise InputError(f"{path} has more than {LARGEST} bytes, expected a table to follow")
-        data = path.read_bytes()
-        text = data.decode("utf-8-sig")
-        lines = list(csv.reader(io.StringIO(text, newline="")))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path} cannot be read ({reason(error)}), expected a CSV file") from error
-    rows = [
-        (number, row)
-        for number, row in enumerate(lines, start=1)
-        if any(cell.strip() for cell in row) and not row[0].lstrip().startswith("#")
-    ]
-    if not rows:
-        raise InputError(f"{path} has no line, expected the names of columns")
-    names, factors = _columns(path, *rows[0], units)
-    values = np.array([_numbers(path, number, row, names) for number, row in rows[1:]])
-    if len(values) < 2:
-        raise InputError(f"{path} has {len(values)} rows, expected at least two")
+    path, data = Path(path), read_table(path)
+    names, factors = _columns(path, data.number, data.header, units)
+    values = data.values(names)
     found = dict(zip(names, values.T * np.array(factors)[:, None], strict=True))
     time = found.pop(TIME)
     late = np.flatnonzero(np.diff(time) <= 0.0)
     if late.size:
         before, now = values[late[0] : late[0] + 2, names.index(TIME)]
         raise InputError(
-            f"{path}, line {rows[late[0] + 2][0]}: time = {now:g}, expected more than {before:g}, "
-            "that of the row before"
+            f"{path}, line {data.rows[late[0] + 1][0]}: time = {now:g}, expected more than "
+            f"{before:g}, that of the row before"
         )
     whole, (shortest, longest) = time[-1] - time[0], PLAUSIBLE["s"]
     if not shortest <= whole <= longest or np.diff(time).min() < STEP * whole:
@@ -130,7 +164,7 @@ def read_measured(path: str | Path, units: Mapping[str, str]) -> Measured:
             f"and more, expected {shortest:g} to {longest:g} s in all, in steps of {STEP:g} of it "
             "and more"
         )
-    return Measured(path, time, found, zlib.crc32(data))
+    return Measured(path, time, found, data.checksum)
 
 
 def _columns(path, number, row, units):
@@ -138,7 +172,7 @@ def _columns(path, number, row, units):
     names, factors = [], []
     where = f"{path}, line {number}"
     for cell in row:
-        match = _NAME.fullmatch(cell)
+        match = NAME_AND_UNIT.fullmatch(cell)
         name = match[1] if match else cell.strip()
         if name not in units:
             raise InputError(
@@ -165,6 +199,8 @@ def _numbers(path, number, row, names):
         raise InputError(f"{where} has {len(row)} values, expected {len(names)}")
     found = []
     for name, cell in zip(names, row, strict=True):
+        if name is None:
+            continue
         try:
             value = float(cell)
         except ValueError:

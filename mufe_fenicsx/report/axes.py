@@ -47,14 +47,20 @@ def legends(*axes, grow=True):
         whole.set_figheight(whole.get_figheight() + height + GAP / 72)
 
 
-def shared_legend(axis, columns=4):
+def shared_legend(axis, columns=4, more=()):
     """One legend under all axes of a figure, of what the lines of one of them mean.
 
     Args:
         axis: Whose labels are taken.
         columns: At most so many.
+        more: Other axes, whose labels that it has not come after.
     """
     handles, labels = axis.get_legend_handles_labels()
+    for other in more:
+        for handle, label in zip(*other.get_legend_handles_labels(), strict=True):
+            if label not in labels:
+                handles.append(handle)
+                labels.append(label)
     if labels:
         columns = min(columns, len(labels))
         axis.figure.legend(handles, labels, loc="outside lower center", ncols=columns)

@@ -10,8 +10,10 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legends, shared_legend, without_spikes
 from mufe_fenicsx.report.curves import PAPER, STRAIN, STRESS
-from mufe_fenicsx.report.figure import Drawing
+from mufe_fenicsx.report.figure import Drawing, file_name
 from mufe_fenicsx.report.network import between_grains
+from mufe_fenicsx.report.reference import about as about_measured
+from mufe_fenicsx.report.reference import draw_measured
 from mufe_fenicsx.report.run_names import UNITS, YIELD, differences, value_text
 
 #: Stresses at a strain are means over this part of the largest one to both sides.
@@ -54,7 +56,7 @@ def draw_stress_strain(sources, names):
     for source, name, look in _lines(sources, names):
         history = source.loading
         _plot(left, source, history["strain"], history["stress"] / factor, look)
-        tables[_file(name)] = {
+        tables[file_name(name)] = {
             "strain [-]": history["strain"],
             "vertical stress [Pa]": history["stress"],
         }
@@ -63,9 +65,13 @@ def draw_stress_strain(sources, names):
         except InputError:
             continue
         curves = curves[(curves["stage"] != "seating")]
-        tables[_file(name)]["void ratio [-]"] = curves["void_ratio"].to_numpy()
+        tables[file_name(name)]["void ratio [-]"] = curves["void_ratio"].to_numpy()
         stress = curves["stress"].where(curves["stress"] > 0).to_numpy()
         _plot(right, source, stress / factor, curves["void_ratio"].to_numpy(), look)
+    references = {r.label: r for source in sources for r in source.references}.values()
+    measured = draw_measured(left, references, "strain", "stress", (1.0, factor))
+    by_stress = draw_measured(right, references, "stress", "void_ratio", (factor, 1.0))
+    tables |= measured | {f"{name}-void-ratio": data for name, data in by_stress.items()}
     left.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
     left.set_ylim(bottom=0)
     strain = np.concatenate([source.loading["strain"] for source in sources])
@@ -80,7 +86,7 @@ def draw_stress_strain(sources, names):
         f"Runs compared: (a) vertical stress against strain (Figs 9, 10 {PAPER}), (b) compression "
         "curves e–log σ′",
         f"Stress is the mean force of both platens over the cross-section. {DYNAMIC}"
-        f"{_where_strain_begins(sources)}",
+        f"{_where_strain_begins(sources)}{about_measured(tables.keys() & measured)}",
         tables,
         "wide",
     )
@@ -98,7 +104,7 @@ def draw_forces(sources, names):
         history = source.loading
         travel = stress_strain.displacement(history, source.reference_height)
         _plot(axis, source, travel / scale, history["force_z_max"] / factor, look)
-        tables[_file(name)] = {"displacement [m]": travel, "force [N]": history["force_z_max"]}
+        tables[file_name(name)] = {"displacement [m]": travel, "force [N]": history["force_z_max"]}
     axis.set(xlabel=f"Displacement of top platen: {unit_u}", ylabel=f"Force: {unit}")
     axis.set_ylim(bottom=0)
     travel, force = (
@@ -202,7 +208,7 @@ def draw_energies(sources, names):
         axes[0].plot(strain[positive], 100 * ratio[positive], **look)
         axes[1].plot(strain, history["plastic"] / factor, **look)
         axes[2].plot(strain, history["friction"] / factor, **look)
-        tables[_file(name)] = {
+        tables[file_name(name)] = {
             "strain [-]": history["strain"],
             "kinetic over internal energy [-]": ratio,
             "plastic dissipation [J]": history["plastic"],
@@ -243,11 +249,14 @@ def draw_networks(sources, names):
         share = np.arange(len(force), 0, -1) / len(force)
         right.step(force / force.mean(), share, **look, where="pre")
         counts.append(len(force))
-        tables[f"{_file(name)}-contacts"] = {
+        tables[f"{file_name(name)}-contacts"] = {
             "strain [-]": network["strain"],
             "mean active contacts [-]": network["N_cA"],
         }
-        tables[f"{_file(name)}-forces"] = {"f/<f> [-]": force / force.mean(), "share [-]": share}
+        tables[f"{file_name(name)}-forces"] = {
+            "f/<f> [-]": force / force.mean(),
+            "share [-]": share,
+        }
     if not tables:
         raise InputError("no run has stored contacts")
     left.set(xlabel=STRAIN, ylabel="Coordination number, $Z$: –")
@@ -362,11 +371,6 @@ def _slope(sources):
     """What the slope of vertical stress over strain is called."""
     constrained = all(is_constrained(source.loading) for source in sources)
     return "Constrained modulus" if constrained else "Tangent modulus"
-
-
-def _file(name):
-    """A name as part of a file's name."""
-    return "".join(c if c.isalnum() or c in ".-" else "-" for c in name).strip("-")
 
 
 def _where_strain_begins(sources):

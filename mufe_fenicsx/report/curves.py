@@ -17,6 +17,8 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legends, shared_legend, without_spikes
 from mufe_fenicsx.report.figure import Drawing
+from mufe_fenicsx.report.reference import about as about_measured
+from mufe_fenicsx.report.reference import draw_measured
 
 STRAIN = style.STRAIN
 STRESS = r"Vertical stress, $\sigma_{\mathrm{v}}$"
@@ -78,32 +80,28 @@ def draw_stress_strain(source):
     }
     contacts = _contact_stress(source)
     if contacts is not None:
-        axis.plot(
-            contacts["strain"],
-            contacts["contact_zz"] / factor,
-            "o",
-            color=style.RED,
-            markersize=3.5,
-            markerfacecolor="none",
-            markeredgewidth=0.8,
-            label="contacts",
-        )
+        look = {"color": style.RED, "markersize": 3.5, "markerfacecolor": "none"}
+        over, inner = contacts["strain"], contacts["contact_zz"] / factor
+        axis.plot(over, inner, "o", markeredgewidth=0.8, label="contacts", **look)
         tables["contacts"] = {
             "strain [-]": contacts["strain"],
             "vertical stress of the contacts [Pa]": contacts["contact_zz"],
             "vertical stress of the platens [Pa]": contacts["wall_zz"],
         }
     shaded = shade_dynamic(axis, source, strain[loading], stress[loading])
+    measured = draw_measured(axis, source.references, "strain", "stress", (1.0, factor))
+    tables |= measured
     axis.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
     axis.set_ylim(bottom=min(0, 1.05 * stress.min()))
-    without_spikes(axis, strain, stress)
+    shown = [np.column_stack(list(data.values())) / (1.0, factor) for data in measured.values()]
+    without_spikes(axis, *np.vstack([np.column_stack([strain, stress]), *shown]).T)
     legends(axis)
     about = (
         "The line is the mean force of both platens over the cross-section, compression positive. "
         "Strain counts from the end of seating, or from where stages set it to zero, so that gaps "
         "left by the segmentation do not count."
     )
-    about += _about_branches(source)
+    about += _about_branches(source) + about_measured(measured)
     if waits.any():
         about += " Points without a line: the test waits for a stress at a strain that is reached."
     if shaded:
@@ -426,21 +424,24 @@ def draw_compression(source):
         else r"Tangent modulus, d$\sigma_{\mathrm{v}}$/d$\varepsilon$"
     )
     ratio = r"$\sigma_{\mathrm{h}} / \sigma_{\mathrm{v}}$: –"
-    for axis, values, label in (
-        (axes[0], curves["void_ratio"], "Void ratio, $e$: –"),
-        (axes[1], curves["modulus"] / modulus, f"{slope}: {unit_m}"),
-        (axes[2], curves["K0"], r"$K_{\mathrm{0}}$ = " + ratio if oedometer else ratio),
+    measured = {}
+    for axis, values, label, quantity in (
+        (axes[0], curves["void_ratio"], "Void ratio, $e$: –", "void_ratio"),
+        (axes[1], curves["modulus"] / modulus, f"{slope}: {unit_m}", ""),
+        (axes[2], curves["K0"], r"$K_{\mathrm{0}}$ = " + ratio if oedometer else ratio, "k0"),
     ):
         draw_branches(axis, curves["stress"] / factor, values, parts, "loading")
         shaded = shade_dynamic(axis, source, curves["stress"] / factor, values, span=False)
+        drawn = draw_measured(axis, source.references, "stress", quantity, (factor, 1.0))
+        measured |= {f"{name}-{quantity}": data for name, data in drawn.items()}
         axis.set_xscale("log")
         style.plain_log_ticks(axis.xaxis)
         axis.set(xlabel=f"{STRESS}: {unit}", ylabel=label)
     for axis, values in ((axes[1], curves["modulus"] / modulus), (axes[2], curves["K0"])):
         axis.set_ylim(bottom=min(0, *axis.get_ylim()))
         without_spikes(axis, curves["stress"] / factor, values)
-    if source.turns_back or shaded:
-        shared_legend(axes[0])
+    if source.turns_back or shaded or measured:
+        shared_legend(axes[0], more=axes[2:])
     for i, axis in enumerate(axes):
         style.panel_letter(axis, i)
     return Drawing(
@@ -455,15 +456,18 @@ def draw_compression(source):
         + " against the vertical stress",
         "Void ratio with the grains' own volume at the start as solids. The slope is that "
         "of a line fitted over a fifth of the range of strains, within a stage. The ratio is the "
-        "mean stress of the side walls over that of the platens.",
-        {
-            "": {
-                "strain [-]": curves["strain"],
-                "vertical stress [Pa]": curves["stress"],
-                "void ratio [-]": curves["void_ratio"],
-                f"{'constrained' if oedometer else 'tangent'} modulus [Pa]": curves["modulus"],
-                "K0 [-]" if oedometer else "ratio of side to axial stress [-]": curves["K0"],
-            }
-        },
+        "mean stress of the side walls over that of the platens." + about_measured(measured),
+        {**measured, "": _compression_data(curves, oedometer)},
         "wide",
     )
+
+
+def _compression_data(curves, oedometer):
+    """Columns of the data beside the figure."""
+    return {
+        "strain [-]": curves["strain"],
+        "vertical stress [Pa]": curves["stress"],
+        "void ratio [-]": curves["void_ratio"],
+        f"{'constrained' if oedometer else 'tangent'} modulus [Pa]": curves["modulus"],
+        "K0 [-]" if oedometer else "ratio of side to axial stress [-]": curves["K0"],
+    }

@@ -98,6 +98,11 @@ def save_tables(name, tables, folder):
     return tuple(paths)
 
 
+def file_name(name):
+    """A name as part of that of a file."""
+    return "".join(c if c.isalnum() or c in ".-" else "-" for c in name).strip("-")
+
+
 def write_index(folder, pictures):
     """List the pictures in ``index.json`` of their folder."""
     listed = [

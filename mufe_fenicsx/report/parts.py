@@ -123,6 +123,7 @@ class Job:
     grains: tuple | None  #: as of `write_report`
     points: tuple | None
     chain_angle: float  #: [degrees]
+    overlays: tuple  #: files of measured curves
     no_pictures: str | None  #: why nothing in space can be drawn
     states: list | None = None  #: that can be read; None: to be found out by reading them
 
@@ -196,7 +197,7 @@ def _told(number):
 
 def draw_job(job):
     """Draw what a job names, in a process of its own; list of :class:`Part`."""
-    source = _source(job.run, job.grains, job.points, job.chain_angle)
+    source = _source(job.run, job.grains, job.points, job.chain_angle, job.overlays)
     source.no_pictures = job.no_pictures
     if job.states is not None:
         source.run.stored_states = job.states

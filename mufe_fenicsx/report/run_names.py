@@ -6,7 +6,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 
 #: Tables and keys of a scene that say nothing of the physics.
-OF_NO_INTEREST = ("title", "image", "output", "sample.grains")
+OF_NO_INTEREST = ("title", "image", "output", "reference", "sample.grains")
 #: So many differences fit into a name, and so many letters.
 MOST, LONGEST = 2, 60
 #: Keys whose values have a unit, by their last word.

@@ -1,6 +1,8 @@
 """What the figures of a run are drawn from, each thing read or computed once."""
 
+from contextlib import suppress
 from functools import cached_property, partial
+from pathlib import Path
 
 import numpy as np
 
@@ -21,6 +23,8 @@ from mufe_fenicsx.report import style
 from mufe_fenicsx.report.render import cannot_render, start_probe
 from mufe_fenicsx.report.sample import load_states
 from mufe_fenicsx.results import Run
+from mufe_fenicsx.results.reference_curves import curves_of_run, read_reference, references_of
+from mufe_fenicsx.scene.reference import Reference
 
 #: Columns of the history that no figure needs, and that runs of earlier versions may lack.
 UNUSED = (*NEWER_COLUMNS, "dt", "speed", "residual", "added_mass", "added_mass_of_grain")
@@ -74,26 +78,29 @@ class Source:
         grains: Labels of the grains that are shown one by one; None: three by their stress.
         points: Places whose course is shown [m], shape (num_points, 3); None: two by stress.
         chain_angle: Of force chains [degrees].
+        overlays: Files of measured curves, beside those that the scene names.
 
     Raises:
         InputError: There is no run; from each attribute, that it cannot be had.
     """
 
-    def __init__(self, folder, grains=None, points=None, chain_angle=45.0):
+    def __init__(self, folder, grains=None, points=None, chain_angle=45.0, overlays=()):
         self.run = ReadableRun(folder)
         self.run.chain_angle = chain_angle
         self.folder = self.run.path
         self._grains, self._points = grains, points
+        self.overlays = tuple(map(Path, overlays))
         self._probe = None
 
     @property
     def asked(self):
-        """Grains and points that were asked for, as tuples, None where none were, and the angle."""
+        """What was asked for: grains and points, as tuples or None, the angle and the overlays."""
         points = self._points
         return (
             tuple(self._grains) if self._grains else None,
             tuple(map(tuple, points)) if points is not None and len(points) else None,
             self.run.chain_angle,
+            self.overlays,
         )
 
     def get(self, name):
@@ -131,6 +138,44 @@ class Source:
         if scene and not knows_balance(history) and platens_alone(scene):
             history["unbalanced_z"] = history["force_z_min"] - history["force_z_max"]
         return history
+
+    @cached_property
+    def references(self):
+        """Measured curves: those of the scene that can be read, then the overlays.
+
+        Raises:
+            InputError: An overlay cannot be read.
+        """
+        found = []
+        for given in self._stated_references:
+            with suppress(InputError):  # a sentence says so
+                found.append(read_reference(given))
+        found += [read_reference(Reference(path)) for path in self.overlays]
+        return list({one.label: one for one in found}.values())
+
+    @property
+    def unreadable_references(self):
+        """Sentences about measured curves of the scene that cannot be read."""
+        found = []
+        for given in self._stated_references:
+            try:
+                read_reference(given)
+            except InputError as error:
+                found.append(f"Measured curves: {error}.")
+        return found
+
+    @property
+    def _stated_references(self):
+        """[[reference]] of the scene; none where the scene cannot be read."""
+        try:
+            return references_of(self.run.scene)
+        except InputError:
+            return []
+
+    @cached_property
+    def curves(self):
+        """What can be compared with measured curves, dict quantity -> values since strain 0."""
+        return curves_of_run(self.run)
 
     @cached_property
     def mass(self):

@@ -16,6 +16,7 @@ from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legends, shared_legend, without_spikes
 from mufe_fenicsx.report.curves import DYNAMIC, shade_dynamic
 from mufe_fenicsx.report.figure import Drawing
+from mufe_fenicsx.report.reference import about, draw_measured
 
 NAME = "triaxial"
 AXIAL = r"Axial strain, $\varepsilon_{\mathrm{a}}$: –"
@@ -57,6 +58,7 @@ def draw_triaxial(source):
         (p, q, f"Mean stress, $p$: {unit_p}", f"Deviator stress, $q$: {unit_q}"),
         (strain, volume, AXIAL, r"Volumetric strain, $\varepsilon_{\mathrm{vol}}$: –"),
     )
+    measured = _draw_measured(axes, source.references, factor_p, factor_q)
     parts, waits = branches(history), waiting_rows(history)
     colours = _colours(len(parts))
     total = p + history.get("pore_pressure", 0.0 * p) / factor_p
@@ -78,7 +80,7 @@ def draw_triaxial(source):
         style.panel_letter(axis, i)
     _draw_stresses(axes[3], source, strain, parts, waits)
     _draw_scale(figure, axes[2], len(parts))
-    shared_legend(axes[0], 6)
+    shared_legend(axes[0], 6, axes[1:3])
     legends(axes[3], grow=False)
     lack = lack_of_stress(history)
     return Drawing(
@@ -92,10 +94,23 @@ def draw_triaxial(source):
         f"{_of_targets(lack)}{WAITING if waits.any() else ''}"
         f"{BEFORE if whole is not None else ''}"
         f"{_strength(source, history, curves)}"
-        f"{f' {DYNAMIC}' if shaded else ''}",
-        {"": _data(history, curves)},
+        f"{f' {DYNAMIC}' if shaded else ''}{about(measured)}",
+        {"": _data(history, curves), **measured},
         "wide",
     )
+
+
+def _draw_measured(axes, references, factor_p, factor_q):
+    """Measured curves in the first three panels; their data, by panel too."""
+    found = {}
+    for axis, x, y, scales in (
+        (axes[0], "strain", "q", (1.0, factor_q)),
+        (axes[1], "p", "q", (factor_p, factor_q)),
+        (axes[2], "strain", "volumetric_strain", (1.0, 1.0)),
+    ):
+        drawn = draw_measured(axis, references, x, y, scales)
+        found |= {f"{name}-{x}-{y}": data for name, data in drawn.items()}
+    return found
 
 
 def _data(history, curves):

@@ -19,12 +19,13 @@ from mufe_fenicsx.report import (
     cyclic,
     localisation,
     profile,
+    reference,
     shearing,
     style,
     tools,
     triaxial,
 )
-from mufe_fenicsx.report.figure import remove_listed, save, write_index
+from mufe_fenicsx.report.figure import remove_listed, save, save_tables, write_index
 from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.report.parts import FIGURES, NAMES, TABLES, VIEW, draw_parts, num_processes
 from mufe_fenicsx.report.run_names import name_runs
@@ -50,6 +51,7 @@ def write_report(
     *,
     processes=1,
     chain_angle=45.0,
+    overlays=(),
 ):
     """Write ``report.html``, and ``figures`` as PNG, PDF and CSV.
 
@@ -67,22 +69,26 @@ def write_report(
             memory for. A script that gives another number than 1 has to do so below
             ``if __name__ == "__main__":``.
         chain_angle: Between force chains and the major stress of their grains at most [degrees].
+        overlays: CSV files of measured curves, drawn beside those of the runs, and compared; those
+            that scenes name come before them.
 
     Returns:
         dict of plain values: ``report`` (path), ``figures`` (paths of the pictures), ``missing``
         (sentences), ``checks`` (a dict name, target, largest, mean, passed, grade, since each, the
         strain from which on it is met, and its stage; the first, named "all", is the verdict),
-        ``passed`` (all checks).
+        ``passed`` (all checks), ``differences`` (from measured curves: a dict each, fields of
+        :class:`~mufe_fenicsx.results.reference_curves.Difference` and the ``run``).
 
     Raises:
         InputError: There is no run in a folder, a grain or point is not in it, the same run is
-            given twice, or the report cannot be written.
+            given twice, an overlay cannot be read or is out of the range of all runs, or the
+            report cannot be written.
     """
     folders = [Path(runs)] if isinstance(runs, str | Path) else [Path(run) for run in runs]
     if len(folders) == 1:
         wanted = _wanted(only, skip, NAMES)
         report = _RunReport(
-            folders[0], output, (grains, points, chain_angle), wanted, only, processes
+            folders[0], output, (grains, points, chain_angle, overlays), wanted, only, processes
         )
     else:
         if grains or points:
@@ -91,7 +97,7 @@ def write_report(
         twice = [f for k, f in enumerate(folders) if f.resolve() in _resolved(folders[:k])]
         if twice:
             raise InputError(f"run folder {twice[0]} is given twice, expected different runs")
-        report = _Comparison(folders, output, wanted)
+        report = _Comparison(folders, output, wanted, overlays)
     return report.write()
 
 
@@ -116,6 +122,7 @@ class _Report:
     def __init__(self, output):
         self.output = Path(output)
         self.missing, self.pictures, self.lacking = [], [], {}
+        self.differences = []
 
     def write(self):
         try:
@@ -152,7 +159,36 @@ class _Report:
                 for c in checks
             ],
             "passed": bool(checks) and all(c.passed for c in checks),
+            "differences": self.differences,
         }
+
+    def _compare(self, sources, names):
+        """Compare runs with measured curves, and see that each overlay is in the range of one.
+
+        Raises:
+            InputError: An overlay cannot be read, or is out of the range of all runs.
+        """
+        outside = {}
+        for source, name in zip(sources, names, strict=True):
+            found, lines = reference.compared(source)
+            self.differences += [{"run": name} | row for row in found]
+            self.missing += source.unreadable_references
+            for label, line in lines.items():
+                outside.setdefault(label, []).append(line)
+        for label, lines in outside.items():
+            if label in {Path(path).stem for path in sources[0].overlays}:
+                if len(lines) == len(sources):
+                    raise InputError(lines[0])
+            self.missing += [f"No difference from {label}: {line}." for line in lines]
+
+    def _difference_tables(self):
+        """Table of the differences from measured curves, and its file; none without any."""
+        path = self.figures / f"{reference.NAME}.csv"
+        if not self.differences:
+            path.unlink(missing_ok=True)  # of an earlier report
+            return []
+        save_tables(reference.NAME, {"": reference.columns_of(self.differences)}, self.figures)
+        return [reference.table_of(self.differences)]
 
     def _page(self, title, lead, checks, tables, view=None, more=()):
         write_page(
@@ -172,7 +208,7 @@ class _RunReport(_Report):
     """The report of one run."""
 
     def __init__(self, folder, output, asked, wanted, only, processes):
-        self.source, (grains, points, angle) = Source(folder, *asked), asked
+        self.source, (grains, points, angle, _) = Source(folder, *asked), asked
         if not 0 < angle <= 90:
             raise InputError(f"chain_angle = {angle} degrees, expected 0 < angle <= 90")
         absent = _not_of_this_test(self.source)  # unless asked for, not said to lack
@@ -180,6 +216,7 @@ class _RunReport(_Report):
         super().__init__(folder if output is None else output)
         self.folder, self.wanted, self.processes = folder, wanted, processes
         self.missing += missing_of(self.source)
+        self._compare([self.source], [folder.resolve().name])
         if grains:
             self.source.chosen  # noqa: B018  an unknown one is refused before anything is written
         if points is not None and len(points):
@@ -208,7 +245,7 @@ class _RunReport(_Report):
         self.missing += [*self.tables.missing, *self.view.missing]
         title = run.get("title") or f"Test in {self.folder.resolve().name}"
         lead = self._lead(run, history)
-        tables = self.tables.content or []
+        tables = [*self._difference_tables(), *(self.tables.content or [])]
         if run.get("unusual"):
             lines = [(line,) for line in run["unusual"]]
             tables = [
@@ -276,10 +313,10 @@ def _not_of_this_test(source):
 class _Comparison(_Report):
     """The report of several runs."""
 
-    def __init__(self, folders, output, wanted):
+    def __init__(self, folders, output, wanted, overlays):
         super().__init__(folders[0].parent / "comparison" if output is None else output)
         self.sources, self.wanted = [], wanted
-        for source in map(Source, folders):
+        for source in (Source(folder, overlays=overlays) for folder in folders):
             name = source.folder.resolve().name
             self.missing += [f"{name}: {sentence}" for sentence in missing_of(source)]
             try:
@@ -290,6 +327,7 @@ class _Comparison(_Report):
         if not self.sources:
             raise InputError("no run has a history of loading, expected one at least")
         self.names = name_runs(self.sources)
+        self._compare(self.sources, self.names)
 
     def _draw(self):
         for name, draw in compare.FIGURES:
@@ -309,7 +347,7 @@ class _Comparison(_Report):
             f"{len(self.sources)} tests compared",
             f"Runs in the folders {folders}.",
             checks,
-            compare.tables(self.sources, self.names),
+            [*self._difference_tables(), *compare.tables(self.sources, self.names)],
         )
         return checks
 

@@ -12,6 +12,7 @@ from ..errors import InputError, nearest_name, shown
 from ..materials.scatter import Scatter
 from ..units import BOUNDS, QUANTITIES, keys_of
 from .catalogue import MODELS, TABLES, TOP_KEYS
+from .reference import Reference
 from .scene import Scene
 from .stages import Stage
 from .tables import Wall
@@ -28,6 +29,8 @@ def tables():
     found |= {f'material (model = "{name}")': cls for name, cls in MODELS.items()}
     found |= {"material.scatter": Scatter, "walls.NAME": Wall, "stage": Stage}
     found["tool"] = Tool
+    found["reference"] = Reference
+    found["reference.columns.NAME"] = keys_of(Reference)["columns"].entries
     found |= {
         f"{table}.{key.name}.NAME": key.entries
         for table, cls in TABLES.items()
@@ -152,7 +155,7 @@ def _plain(table):
 
 
 def _explain_table(name, cls, found):
-    lines = [f"[[{name}]]" if name in ("stage", "tool") else f"[{name}]"]
+    lines = [f"[[{name}]]" if name in ("stage", "tool", "reference") else f"[{name}]"]
     for table, member in found:
         if len(found) > 1:
             lines += ["", table]

@@ -12,6 +12,7 @@ from ..materials.scatter import SCATTERED, Scatter
 from ..units import keys_of
 from .bounds import check_text
 from .catalogue import MODELS, TABLES, TOP_KEYS
+from .reference import Reference
 from .scene import Scene
 from .stages import Stage
 from .tables import Group, Wall
@@ -40,7 +41,7 @@ def load_scene(path: str | Path, changes: dict[str, str] | None = None) -> Scene
     for key, text in (changes or {}).items():
         _put(tables, key, text)
 
-    known = [*TOP_KEYS, *TABLES, "material", "materials", "walls", "stage", "tool"]
+    known = [*TOP_KEYS, *TABLES, "material", "materials", "walls", "stage", "tool", "reference"]
     _check_keys(tables, known, "")
     folder = path.resolve().parent
     test = () if "loading" in tables else ("oedometer",)
@@ -78,6 +79,7 @@ def load_scene(path: str | Path, changes: dict[str, str] | None = None) -> Scene
         },
         stages=_read_each(Stage, tables.get("stage", []), "stage", folder),
         tools=_read_each(Tool, tables.get("tool", []), "tool", folder),
+        references=_read_each(Reference, tables.get("reference", []), "reference", folder),
         **parts,
     )
 

@@ -20,6 +20,7 @@ from .image import ImageSettings
 from .implicit import Implicit
 from .membrane import MembraneSettings
 from .pairs import MEMBRANE, REST, by_materials
+from .reference import Reference
 from .rows import scene_rows
 from .stages import Loading, Stage, named
 from .tables import (
@@ -67,6 +68,7 @@ class Scene:
     loading: Loading | None = None  #: of a test by stages
     stages: tuple[Stage, ...] = ()  #: [[stage]]: parts of that test, in their order
     tools: tuple[Tool, ...] = ()  #: [[tool]]: rigid bodies beside the grains
+    references: tuple[Reference, ...] = ()  #: [[reference]]: measured curves, for reports
     accuracy: float | None = setting(
         None, "", "wanted error of the stress, which plans the rest", gt=0, lt=1
     )

@@ -11,6 +11,7 @@ from ..materials.scatter import Scatter
 from ..units import QUANTITIES, keys_of
 from .catalogue import MODELS, TABLES, TOP_KEYS
 from .explanations import expectation, first_lines
+from .reference import Reference
 from .scene import Scene
 from .stages import Stage
 from .tables import Wall
@@ -39,6 +40,7 @@ def scene_schema() -> dict:
     }
     properties["stage"] = {"type": "array", "minItems": 1, "items": _table(Stage)}
     properties["tool"] = {"type": "array", "items": _table(Tool)}
+    properties["reference"] = {"type": "array", "items": _table(Reference)}
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "Scene of mufe",

@@ -33,7 +33,8 @@ def scene_to_toml(scene: Scene) -> str:
     tests = "oedometer", "loading", "quasi_static", "mass_scaling", "membrane"
     for name in (*tests, "fracture", "output"):
         lines += _write_table(name, getattr(scene, name))
-    for name, tables in (("tool", scene.tools), ("stage", scene.stages)):
+    lists = {"tool": scene.tools, "stage": scene.stages, "reference": scene.references}
+    for name, tables in lists.items():
         for table in tables:
             lines += ["", f"[[{name}]]"]
             lines += [f"{key} = {_toml(value)}" for key, value in _stated(table).items()]

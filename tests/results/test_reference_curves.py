@@ -1,0 +1,127 @@
+"""Measured curves: what a file may hold, and how far a run is from them."""
+
+import numpy as np
+import pytest
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.results.reference_curves import branches_of, differences, read_reference
+from mufe_fenicsx.scene.reference import Column, Reference
+
+
+def written(folder, text):
+    path = folder / "lab.csv"
+    path.write_text(text)
+    return Reference(path)
+
+
+def test_columns_become_si_units_by_their_names(tmp_path):
+    """n = 0.4 is e = 2/3, and K0 follows from both stresses; other names of them are known."""
+    text = "# a comment, with commas\nstrain [%], Sigma1 [MPa], sigma3 [kPa], porosity [-]\n"
+    found = read_reference(written(tmp_path, text + "0, 1, 500, 0.4\n2.5, 2, 800, 0.375\n"))
+    exact = {
+        "strain": [0, 0.025], "stress": [1e6, 2e6], "side_stress": [5e5, 8e5],
+        "porosity": [0.4, 0.375], "void_ratio": [2 / 3, 0.6], "k0": [0.5, 0.4],
+    }  # fmt: skip
+    assert found.label == "lab" and set(found.columns) == set(exact)
+    for name, values in exact.items():
+        np.testing.assert_allclose(found.columns[name], values, rtol=1e-15)
+
+
+def test_a_scene_says_which_columns_to_take(tmp_path):
+    """Headers of any form; the unit may stand in the scene; others are left aside."""
+    given = written(tmp_path, "Axial strain (%),note,s [MPa]\n1,abc,2\n2,,3\n")
+    columns = {"strain": Column("Axial strain (%)", "%"), "stress": Column("s")}
+    found = read_reference(Reference(given.file, "sand", columns))
+    assert found.label == "sand"
+    assert found.columns["strain"].tolist() == [0.01, 0.02]
+    assert found.columns["stress"].tolist() == [2e6, 3e6]
+
+
+HEAD = "strain [%], stress [MPa]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("strian [%], stress [MPa]\n0, 1\n", "line 1: \"strian\" is not a known column, expected"),
+        ("strain, stress [MPa]\n0, 1\n", "line 1: strain has no unit, expected one behind"),
+        ("strain [%], stress [-]\n0, 1\n", "line 1: stress = \"1 -\", expected a stress such as"),
+        ("strain [mm], stress [MPa]\n0, 1\n", "line 1: strain = \"1 mm\", expected a number"),
+        ("strain [%], stress [MPa], sigma1 [MPa]\n0, 1, 1\n", "stress is there twice, expected"),
+        ("strain [%], porosity [-]\n0, 1\n", "line 2: void_ratio is not finite, expected"),
+        ("strain [%]\n0\n", "line 1: strain, expected columns to compare, such as strain and"),
+        (HEAD, "has 0 rows, expected at least one"),
+        ("", "has no line, expected the names of columns"),
+        (HEAD + "0, 1\n1, nan\n", "line 3: stress = \"nan\", expected a finite number"),
+        (HEAD + "0, 1\n1\n", "line 3 has 1 values, expected 2"),
+    ],
+)  # fmt: skip
+def test_what_is_no_curve_is_one_line(tmp_path, text, said):
+    with pytest.raises(InputError) as error:
+        read_reference(written(tmp_path, text))
+    assert said in str(error.value) and "lab.csv" in str(error.value)
+
+
+def test_a_column_that_the_file_has_not_is_one_line(tmp_path):
+    given = written(tmp_path, HEAD + "0, 1\n")
+    with pytest.raises(InputError, match='has no column "sigma", expected'):
+        read_reference(Reference(given.file, "", {"stress": Column("sigma")}))
+    with pytest.raises(InputError, match=r"columns\.strss of a reference is not known, expected"):
+        read_reference(Reference(given.file, "", {"strss": Column("stress")}))
+
+
+def test_branches_end_where_the_strain_turns():
+    """Loading to 3, unloading to 2, reloading to 4; a turn below 2 % of the range is noise."""
+    way = np.concatenate([np.linspace(0, 3, 31), np.linspace(2.95, 2, 20), np.linspace(2.1, 4, 20)])
+    way[15] -= 0.12  # back by 0.02, half a percent of 4
+    assert branches_of({"strain": way}) == [slice(0, 31), slice(30, 51), slice(50, 71)]
+
+
+def cycle():
+    """A run that loads, unloads and reloads: σ = ε, then ε - 1, then ε - 0.5 [MPa]; K0 = 1/2."""
+    up, down, again = np.linspace(0, 2, 41), np.linspace(1.99, 1.2, 80), np.linspace(1.21, 3, 180)
+    stress = np.concatenate([up, down - 1.0, again - 0.5])
+    strain = np.concatenate([up, down, again]) / 100
+    return {"strain": strain, "stress": 1e6 * stress, "k0": np.full(strain.shape, 0.5)}
+
+
+def test_each_branch_is_compared_with_its_own(tmp_path):
+    """Measured: a tenth less stress, and K0 lower by 0.1. Points of other strains than the run."""
+    run = cycle()
+    lines = []
+    for rows in (slice(0, 41), slice(41, 121), slice(121, 301)):
+        strain, stress = run["strain"][rows], run["stress"][rows]
+        inner = np.linspace(strain[0], strain[-1], 17)
+        order = np.argsort(strain)
+        lines += zip(inner, np.interp(inner, strain[order], stress[order]), strict=True)
+    text = "strain [-], stress [Pa], k0 [-]\n"
+    text += "".join(f"{e!r}, {s / 1.1!r}, 0.4\n" for e, s in lines).replace("np.float64", "")
+    given = read_reference(written(tmp_path, text.replace("(", "").replace(")", "")))
+    found = {(d.quantity, d.branch): d for d in differences(given, run)}
+    for branch in ("loading", "unloading", "reloading"):
+        stress, k0 = found["stress", branch], found["k0", branch]
+        # Both are straight lines: only rounding remains.
+        assert stress.mean == pytest.approx(0.1, rel=1e-9)
+        assert stress.largest == pytest.approx(0.1, rel=1e-9)
+        assert k0.mean == pytest.approx(0.1, rel=1e-9) and not k0.relative
+    assert found["stress", "unloading"].low >= 0.012 and found["k0", "loading"].over == "stress"
+
+
+def test_the_same_curve_has_no_difference(tmp_path):
+    run = cycle()
+    rows = zip(run["strain"], run["stress"], run["k0"], strict=True)
+    text = "strain [-], stress [Pa], k0 [-]\n"
+    text += "".join(f"{e:.17g}, {s:.17g}, {k:.17g}\n" for e, s, k in rows)
+    found = differences(read_reference(written(tmp_path, text)), run)
+    assert len(found) == 6
+    assert max(abs(d.largest) for d in found) < 1e-12  # rounding
+
+
+def test_a_curve_out_of_reach_is_one_line(tmp_path):
+    given = read_reference(written(tmp_path, HEAD + "5, 1\n6, 2\n"))
+    with pytest.raises(InputError) as error:
+        differences(given, cycle())
+    assert str(error.value) == (
+        f"strain of {given.path} = 0.05 to 0.06, expected points in the range of the run, "
+        "0 to 0.03, with what both have"
+    )
