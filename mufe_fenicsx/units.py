@@ -113,6 +113,24 @@ def _parse(text, unit, name):
         raise wrong from None
 
 
+def base_number(text):
+    """The number that a text is, in SI base units where it has a unit; None where it is none."""
+    match = _NUMBER_AND_UNIT.fullmatch(text) if len(text) <= LONGEST else None
+    if match is None or (
+        match[2] and not (_UNIT.fullmatch(match[2]) and len(match[2]) <= LONGEST_UNIT)
+    ):
+        return None
+    if not match[2]:
+        return float(match[1])
+    registry = _registry()
+    try:
+        unit = registry.parse_units(match[2])
+        number = float(registry.Quantity(Decimal(match[1]), unit).to_base_units().magnitude)
+    except Exception:  # as of _parse
+        return None
+    return number if math.isfinite(number) else None
+
+
 #: Factors of prefixes, the largest first.
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 #: Units that texts write with one.

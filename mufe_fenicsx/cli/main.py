@@ -20,6 +20,7 @@ from . import pack as _pack  # noqa: F401
 from . import paraview as _paraview  # noqa: F401
 from . import plan as _plan  # noqa: F401
 from . import scene as _scene  # noqa: F401
+from . import sweep as _sweep  # noqa: F401
 from . import watch as _watch  # noqa: F401
 from .app import Json, Overwrite, app, serial_only, world
 from .arguments import known_names, parameters, place, stated_texts

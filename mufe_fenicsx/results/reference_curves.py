@@ -277,6 +277,28 @@ def differences(reference: ReferenceCurves, curves: Mapping[str, np.ndarray]) ->
     return found
 
 
+def values_beside(reference: ReferenceCurves, curves: Mapping[str, np.ndarray]):
+    """Values of a run at measured points: the strain, or stress, there, and what the run has.
+
+    Args:
+        reference: Of :func:`read_reference`.
+        curves: Of :func:`curves_of_run`.
+
+    Returns:
+        dict quantity -> list of floats, one a measured row; nan out of the range of the run.
+    """
+    over = next(name for name in ("strain", "stress", "p") if name in reference.columns)
+    found = {over: reference.columns[over]}
+    for what in reference.columns:
+        if what in curves and what != over:
+            found[what] = np.full(len(found[over]), np.nan)
+            for measured, own in zip(reference.branches, branches_of(curves), strict=False):
+                x = reference.columns[over][measured]
+                at, value = _within(x, np.zeros(x.shape), curves[over][own], curves[what][own])
+                found[what][np.arange(len(found[over]))[measured][at]] = value
+    return {name: [float(v) for v in values] for name, values in found.items()}
+
+
 def _within(x, y, own_x, own_y):
     """Numbers of the measured points in the range of a branch of a run, and its values there."""
     sign = 1.0 if own_x[-1] >= own_x[0] else -1.0
