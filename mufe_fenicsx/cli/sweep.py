@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..machine.doing import Doing
 from .app import Json, app, serial_only
 from .exit_status import FAILED
-from .terminal import Printer, number, progress_bar
+from .terminal import Printer, progress_bar
 
 
 @app.command()
@@ -78,7 +78,12 @@ def sweep(
 def _run(made, folder, places, numbers, printer):
     """Run what is left of a sweep, then write table and report; names of the runs that failed."""
     from ..machine.mpi_launcher import find_mpirun
-    from ..planning.sweep.results import table_of, write_loop_files, write_sweep_report
+    from ..planning.sweep.results import (
+        shown_table,
+        table_of,
+        write_loop_files,
+        write_sweep_report,
+    )
     from ..planning.sweep.runs import Runner
 
     jobs, ranks = numbers
@@ -87,15 +92,10 @@ def _run(made, folder, places, numbers, printer):
     runner = Runner(made, folder, places, ranks, printer.say)
     runner.run_all(jobs)
     rows = table_of(made, folder)
-    shown = ("strain at the end [-]", "peak stress [Pa]", "K0 at peak stress [-]")
-    head = ["run", *made.rows[0], *(f">{name}" for name in shown)]
-    printer.table(
-        head,
-        [[row["run"], *made.rows[k].values(), *(number(row.get(name)) for name in shown)]
-         for k, row in enumerate(rows)],
-    )  # fmt: skip
+    texts, names = shown_table(made, rows)
+    printer.table(names, texts)
     with Doing("drawing the report"):
-        page = write_sweep_report(rows, folder)
+        page = write_sweep_report(made, rows, folder)
     printer.say(f"table: {folder / 'table.csv'}", *([f"report: {page}"] if page else []))
     failed = {made.names[k]: why for k, why in runner.failed.items()}
     printer.write_json({

@@ -1,6 +1,10 @@
 """Figures and tables of several runs together, as of a sweep of the yield stress."""
 
+import matplotlib
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.ticker import MaxNLocator
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.check_targets import TARGETS
@@ -27,6 +31,8 @@ CHECKED = {
     "load": "Stress lost over stress added",
 }
 
+#: So many runs have a line of the legend each.
+FEW = 8
 #: Parts of the strain at which stresses are compared.
 PARTS = (0.25, 0.5, 0.75, 0.98)
 #: How lines look as far as a test is dynamic, and what captions say of it.
@@ -34,9 +40,12 @@ FAINT, DYNAMIC = 0.3, "Lines are faint as far as a test is dynamic. "
 
 
 def _lines(sources, names):
-    """(source, name, look) of each run."""
+    """(source, name, look) of each run: few have names, many a scale of colours."""
+    colours = matplotlib.colormaps[style.GRAIN_MAP](np.linspace(0, 1, len(names)))
     for k, (source, name) in enumerate(zip(sources, names, strict=True)):
         look = {"color": style.SERIES[k % 8], "linestyle": style.LINES[k % 4], "label": name}
+        if len(names) > FEW:
+            look = {"color": colours[k], "linewidth": 0.8, "label": None}
         yield source, name, look
 
 
@@ -79,7 +88,7 @@ def draw_stress_strain(sources, names):
     right.set_xscale("log")
     style.plain_log_ticks(right.xaxis)
     right.set(xlabel=f"{STRESS}: {unit}", ylabel="Void ratio, $e$: –")
-    _finish((left, right))
+    _finish((left, right), names)
     return Drawing(
         "runs-stress-strain",
         figure,
@@ -112,7 +121,7 @@ def draw_forces(sources, names):
         for name in ("displacement [m]", "force [N]")
     )
     without_spikes(axis, travel / scale, force / factor)
-    _finish((axis,))
+    _finish((axis,), names)
     return Drawing(
         "runs-forces",
         figure,
@@ -222,7 +231,7 @@ def draw_energies(sources, names):
         strict=True,
     ):
         axis.set(xlabel=STRAIN, ylabel=label)
-    _finish(axes)
+    _finish(axes, names)
     return Drawing(
         "runs-energies",
         figure,
@@ -263,7 +272,7 @@ def draw_networks(sources, names):
     right.set(xlabel="Normal force over its mean, f/⟨f⟩: –", ylabel="Share of larger forces: –")
     left.set_ylim(bottom=0)
     right.set_yscale("log")
-    _finish((left, right))
+    _finish((left, right), names)
     return Drawing(
         "runs-networks",
         figure,
@@ -387,8 +396,14 @@ def _range(values):
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
-def _finish(axes):
-    shared_legend(axes[0], 2 if len(axes) == 1 else 4)
+def _finish(axes, names):
+    """Legend or scale of colours, and letters of panels."""
+    shared_legend(axes[0], 2 if len(axes) == 1 else 4, axes[1:])
+    if len(names) > FEW:
+        scale = ScalarMappable(Normalize(1, len(names)), style.GRAIN_MAP)
+        bar = axes[0].figure.colorbar(scale, ax=axes[-1], pad=0.02, label="Run")
+        bar.outline.set_linewidth(0.6)
+        bar.locator = MaxNLocator(6, integer=True)
     if len(axes) > 1:
         for i, axis in enumerate(axes):
             style.panel_letter(axis, i)

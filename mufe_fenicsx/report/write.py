@@ -52,6 +52,7 @@ def write_report(
     processes=1,
     chain_angle=45.0,
     overlays=(),
+    tables=(),
 ):
     """Write ``report.html``, and ``figures`` as PNG, PDF and CSV.
 
@@ -71,6 +72,7 @@ def write_report(
         chain_angle: Between force chains and the major stress of their grains at most [degrees].
         overlays: CSV files of measured curves, drawn beside those of the runs, and compared; those
             that scenes name come before them.
+        tables: To begin those of the page with: (heading, rows, names of the columns) each.
 
     Returns:
         dict of plain values: ``report`` (path), ``figures`` (paths of the pictures), ``missing``
@@ -98,6 +100,7 @@ def write_report(
         if twice:
             raise InputError(f"run folder {twice[0]} is given twice, expected different runs")
         report = _Comparison(folders, output, wanted, overlays)
+    report.more_tables = list(tables)
     return report.write()
 
 
@@ -122,7 +125,7 @@ class _Report:
     def __init__(self, output):
         self.output = Path(output)
         self.missing, self.pictures, self.lacking = [], [], {}
-        self.differences = []
+        self.differences, self.more_tables = [], []
 
     def write(self):
         try:
@@ -198,7 +201,7 @@ class _Report:
             checks,
             self.missing,
             [*(picture.row for picture in self.pictures), *more],
-            tables,
+            [*self.more_tables, *self._difference_tables(), *tables],
             FOOTER,
             view,
         )
@@ -245,7 +248,7 @@ class _RunReport(_Report):
         self.missing += [*self.tables.missing, *self.view.missing]
         title = run.get("title") or f"Test in {self.folder.resolve().name}"
         lead = self._lead(run, history)
-        tables = [*self._difference_tables(), *(self.tables.content or [])]
+        tables = self.tables.content or []
         if run.get("unusual"):
             lines = [(line,) for line in run["unusual"]]
             tables = [
@@ -347,7 +350,7 @@ class _Comparison(_Report):
             f"{len(self.sources)} tests compared",
             f"Runs in the folders {folders}.",
             checks,
-            [*self._difference_tables(), *compare.tables(self.sources, self.names)],
+            compare.tables(self.sources, self.names),
         )
         return checks
 

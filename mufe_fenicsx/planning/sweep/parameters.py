@@ -123,7 +123,7 @@ def hypercube(ranges, num_samples, seed):
     parts = LatinHypercube(len(ranges), rng=np.random.default_rng(seed)).random(num_samples)
     columns = [r.values(part) for r, part in zip(ranges, parts.T, strict=True)]
     return [
-        {r.name: repr(float(value)) for r, value in zip(ranges, row, strict=True)}
+        {r.name: f"{value:.8g}" for r, value in zip(ranges, row, strict=True)}
         for row in zip(*columns, strict=True)
     ]
 

@@ -50,9 +50,16 @@ class Sweep:
         """The scene of a run."""
         return load_scene(self.scene, self.changes(number))
 
+    @property
+    def varied(self) -> list[str]:
+        """Names of the parameters that differ between the runs."""
+        first = self.rows[0]
+        return [key for key in first if any(row[key] != first[key] for row in self.rows)]
+
     def words(self, number: int) -> str:
-        """Parameters of a run in words."""
-        return ", ".join(f"{key} = {text}" for key, text in self.rows[number].items())
+        """Parameters of a run that differ from others, in words."""
+        row = self.rows[number]
+        return ", ".join(f"{key} = {row[key]}" for key in self.varied or row)
 
 
 def make_sweep(scene, changes, table=None, num_samples=None, seed=0, grains=None) -> Sweep:

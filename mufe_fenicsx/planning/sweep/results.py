@@ -21,6 +21,9 @@ from .runs import folder_of, is_finished
 
 #: The table of all runs, and the folder of files of an outer loop.
 TABLE, LOOP = "table.csv", "grainlearning"
+#: What the page and the terminal show of it.
+SHOWN = ("strain at the end [-]", "peak stress [Pa]", "K0 at peak stress [-]",
+         "modulus of loading [Pa]", "modulus of unloading [Pa]")  # fmt: skip
 #: Names of quantities in the tables of GrainLearning, where SI units are understood.
 FILES = ("_sim.txt", "_param.txt")
 
@@ -107,17 +110,43 @@ def table_of(sweep: Sweep, folder) -> list[dict]:
     return rows
 
 
-def write_sweep_report(rows, folder) -> str | None:
+def shown_table(sweep: Sweep, rows):
+    """The parameters that differ between the runs, and what came out in short.
+
+    Args:
+        sweep: The runs.
+        rows: Of :func:`table_of`.
+
+    Returns:
+        Rows of texts, and names of the columns.
+    """
+    varied = sweep.varied
+    results = [name for name in SHOWN if any(row.get(name) is not None for row in rows)]
+    texts = [
+        (
+            row["run"], "yes" if row["finished"] else "no", *(given[key] for key in varied),
+            *("–" if row.get(name) is None else f"{row[name]:.5g}" for name in results),
+        )
+        for row, given in zip(rows, sweep.rows, strict=True)
+    ]  # fmt: skip
+    return texts, ("run", "finished", *varied, *results)
+
+
+def write_sweep_report(sweep: Sweep, rows, folder) -> str | None:
     """Draw the runs that have loaded over each other; path of the page, None without any.
 
     Args:
+        sweep: The runs.
         rows: Of :func:`table_of`.
         folder: Of the sweep, where ``report.html`` comes.
     """
     from ...report import write_report
 
     runs = [folder_of(folder, row["run"]) for row in rows if "peak stress [Pa]" in row]
-    return write_report(runs, folder)["report"] if runs else None
+    if not runs:
+        return None
+    table = (f"The sweep ({TABLE})", *shown_table(sweep, rows))
+    return write_report(runs, folder, tables=[table])["report"]
 
 
 def write_loop_files(sweep: Sweep, folder) -> list[str]:

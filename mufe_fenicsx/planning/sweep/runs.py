@@ -90,7 +90,8 @@ class Runner:
         self.sweep, self.folder, self.grains = sweep, Path(folder), grains
         self.num_ranks, self.say = num_ranks, say
         self.failed = {}  #: number of a run -> why it failed
-        self._todo, self._running, self._signal = [], {}, 0
+        self._todo, self._running = [], {}
+        self._waits_for = self._signal = None
 
     def run_all(self, jobs):
         """Run what is left, ``jobs`` at a time.
@@ -147,6 +148,9 @@ class Runner:
         if is_finished(own):  # by that process
             return True
         if free_to_write(own):
+            if self._waits_for != number:
+                self.say(f"run {name} is written by another process: waiting for it")
+            self._waits_for = number
             return False
         arguments = arguments_of(self.sweep, number, self.folder, self.grains[number])
         command = [sys.executable, "-m", "mufe_fenicsx", *arguments]
