@@ -401,7 +401,7 @@ def _finish(axes, names):
     shared_legend(axes[0], 2 if len(axes) == 1 else 4, axes[1:])
     if len(names) > FEW:
         scale = ScalarMappable(Normalize(1, len(names)), style.GRAIN_MAP)
-        bar = axes[0].figure.colorbar(scale, ax=axes[-1], pad=0.02, label="Run")
+        bar = axes[0].figure.colorbar(scale, ax=axes[-1], pad=0.02, label="Run, as in the table")
         bar.outline.set_linewidth(0.6)
         bar.locator = MaxNLocator(6, integer=True)
     if len(axes) > 1:

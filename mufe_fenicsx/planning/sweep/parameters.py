@@ -172,7 +172,7 @@ def read_table(path):
     lines = [(k, line) for k, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if not lines or lines[0][1].lstrip()[0] not in "#!":
         raise InputError(f'table {path} has no header, expected a first line "# name name"')
-    header = re.split(r"[\s,]+", lines[0][1].strip().lstrip("#!").strip(" ,"))
+    header = re.findall(r"[^\s,]+", lines[0][1].strip().lstrip("#!"))
     names = [name for name in header if name not in OF_BATCH]
     if not names or len(set(header)) < len(header):
         raise InputError(f"table {path} names {', '.join(header)}, expected different parameters")
@@ -180,7 +180,7 @@ def read_table(path):
     for number, line in lines[1:]:
         if line.lstrip().startswith("#"):
             continue
-        cells = re.split(r"[\s,]+", line.strip().strip(","))
+        cells = re.findall(r"[^\s,]+", line)
         if len(cells) != len(header):
             raise InputError(
                 f"table {path}, line {number} has {len(cells)} values, expected {len(header)}"

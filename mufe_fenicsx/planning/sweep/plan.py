@@ -18,7 +18,7 @@ KEPT, PARAMETERS = "sweep.json", "parameters.txt"
 #: Parameters of packings begin so; two of them are no settings.
 PACK, SOURCE, SPHERES = "pack.", "source", "spheres"
 #: Keys of a scene that do nothing to a run.
-IDLE = ("image.", "mesh.", "title")
+IDLE = ("image.", "mesh.")
 
 
 @dataclass(frozen=True)
@@ -193,6 +193,6 @@ def _check_same(path, now):
     if differs is not None:
         what = {"scene": "the scene was changed", "grains": "the grains are others"}
         raise InputError(
-            f"{what.get(differs, 'the parameters are others')} than when the sweep in "
-            f"{path.parent} began, expected the same ones: another sweep needs a new folder"
+            f"{what.get(differs, 'the parameters are others')} since the sweep in {path.parent} "
+            "began, expected what it began with: another sweep needs a new folder"
         )

@@ -17,6 +17,8 @@ from ...output.run_folder import read_run_json
 from ...output.run_lock import free_to_write
 from .plan import Sweep, pack_settings
 
+#: What a run is begun with.
+PROGRAM = (sys.executable, "-m", "mufe_fenicsx")
 #: Time between two looks at the runs [s].
 PAUSE = 0.1
 #: Runs get this one to end after a checkpoint: Open MPI's mpirun passes no other on.
@@ -153,7 +155,7 @@ class Runner:
             self._waits_for = number
             return False
         arguments = arguments_of(self.sweep, number, self.folder, self.grains[number])
-        command = [sys.executable, "-m", "mufe_fenicsx", *arguments]
+        command = [*PROGRAM, *arguments]
         if self.num_ranks > 1:
             command = [find_mpirun(), "-n", str(self.num_ranks), *command]
         word = "goes on" if "--resume" in arguments else "begins"
