@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 import mufe_fenicsx
-from mufe_fenicsx.errors import InputError, raise_together, shortened
+from mufe_fenicsx.errors import InputError, raise_on_broken_pipes, raise_together, shortened
 from mufe_fenicsx.machine.files import parts_of, reason, regular, write_atomically
 from mufe_fenicsx.output.run_kinds import sorted_out
 
@@ -299,4 +299,5 @@ def versions():
                 result[name] = str(importlib.import_module(name).__version__)
             except (ImportError, OSError, AttributeError):
                 result[name] = "absent"
+    raise_on_broken_pipes()  # dolfinx, where it had to be asked, has started PETSc
     return result

@@ -33,7 +33,7 @@ def run(tmp_path_factory):
     return folder
 
 
-def test_a_scaled_curve_of_its_own_is_off_by_its_scale(run):
+def test_a_scaled_curve_of_its_own_is_off_by_its_scale(run, unpainted):
     """As overlay, in figures, table, file and result; then as that of the scene."""
     lab = run.parent / "lab.csv"
     only = ["stress-strain", "compression"]
@@ -63,7 +63,7 @@ def test_a_scaled_curve_of_its_own_is_off_by_its_scale(run):
     (run / "scene.toml").write_text(SCENE)
 
 
-def test_several_runs_have_one_table(run, tmp_path):
+def test_several_runs_have_one_table(run, tmp_path, unpainted):
     other = tmp_path / "other"
     other.mkdir()
     write_whole_run(other, n=2)
