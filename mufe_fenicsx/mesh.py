@@ -14,6 +14,7 @@ from petsc4py import PETSc  # noqa: F401  starts it, and with it its handlers of
 
 from .errors import raise_on_broken_pipes, raise_together
 from .kernels.geometry.topology import (
+    FACETS,
     body_defect,
     boundary_facets,
     inner_facets,
@@ -115,8 +116,8 @@ class GrainMesh:
     tools: tuple[str, ...] = ()  #: names of the last of ``labels``, which are tools and no grains
     first_view: View | None = None  #: of version 0, whose communicator all versions have
     first_node: int = 0  #: number of this rank's first node among those of all ranks
-    #: Numbers by which nodes and cells of a grain are named; None: as they were given to ``view``.
-    given: tuple[np.ndarray, np.ndarray] | None = None
+    #: ``named_nodes`` and ``named_cells``; None: as they were given to ``view``.
+    named: tuple[np.ndarray, np.ndarray] | None = None
     version: int = 0  #: how often the mesh has grown, the same on all ranks
     source: Source | None = None  #: rows of the version before; None at version 0
     origin: np.ndarray | None = None  #: node of version 0 of each node, (num_nodes,); as source
@@ -250,6 +251,13 @@ class GrainMesh:
         return np.repeat(np.arange(self.num_grains, dtype=np.int32), np.diff(self.cell_offset))
 
     @cached_property
+    def name_of_cell(self) -> np.ndarray:
+        """Place of each row of ``cells`` among :attr:`named_cells`, shape (num_cells,)."""
+        name = np.empty(self.num_cells, dtype=np.int64)
+        name[self.named_cells] = np.arange(self.num_cells)
+        return name
+
+    @cached_property
     def num_pieces(self) -> np.ndarray:
         """Pieces of each grain of this rank, shape (num_grains,)."""
         if self.piece_of_cell is None:
@@ -266,20 +274,18 @@ class GrainMesh:
     @cached_property
     def named_nodes(self) -> np.ndarray:
         """Nodes grain after grain, in each as they were given: an order that knows no ranks."""
-        if self.given is None:
-            given = np.empty(self.num_nodes, dtype=np.int64)
-            given[self.V.dofmap.list] = _given_nodes(self.mesh)
-        else:
-            given = self.given[0]
+        if self.named is not None:
+            return self.named[0]
+        given = np.empty(self.num_nodes, dtype=np.int64)
+        given[self.V.dofmap.list] = _given_nodes(self.mesh)
         return np.lexsort((given, self.grain_of_node)).astype(np.int32)
 
     @cached_property
     def named_cells(self) -> np.ndarray:
         """Rows of ``cells`` grain after grain, in each as they were given."""
-        if self.given is None:
-            given = self.mesh.topology.original_cell_index[self.cell_order]
-        else:
-            given = self.given[1]
+        if self.named is not None:
+            return self.named[1]
+        given = self.mesh.topology.original_cell_index[self.cell_order]
         return np.lexsort((given, self.grain_of_cell)).astype(np.int32)
 
     def cell_function(self, values: np.ndarray) -> fem.Function:
@@ -323,15 +329,17 @@ class GrainMesh:
         raise_together(self.comm, message)
         row = np.column_stack([pairs, np.full(len(pairs), self.version + 1)])
         opened = np.concatenate([*self.opened, row])
-        name_of_cell = np.empty(self.num_cells, dtype=np.int64)
-        name_of_cell[self.named_cells] = np.arange(self.num_cells)
-        cells, parted = part_nodes(self.cells, opened[:, :2], pairs, name_of_cell)
+        rows = self.cells_of(np.unique(self.grain_of_cell[pairs[:, 0]]))
+        cells, parted = part_nodes(self.cells, rows, opened[:, :2], pairs, self.name_of_cell)
         if not self.comm.allreduce(parted.size):
             self.opened[:] = [opened]
             return self
-        name_of_node = np.empty(self.num_nodes, dtype=np.int64)
-        name_of_node[self.named_nodes] = np.arange(self.num_nodes)
-        return self._with_parted(cells, parted, (name_of_node, name_of_cell), opened)
+        return self._with_parted(cells, parted, opened)
+
+    def cells_of(self, grains: np.ndarray) -> np.ndarray:
+        """Rows of ``cells`` of some local grains, one after another. Local."""
+        first, end = self.cell_offset[grains], self.cell_offset[grains + 1]
+        return np.concatenate([np.arange(0), *map(np.arange, first, end)])
 
     def in_pieces(self, holding: np.ndarray, before: "GrainMesh") -> "GrainMesh":
         """The same mesh with the pieces of now, which no node and no other hold joins. Collective.
@@ -343,15 +351,12 @@ class GrainMesh:
         Returns:
             It, with a ``source`` from ``before``; this mesh itself where no piece has come loose.
         """
-        opened = np.concatenate([np.empty((0, 3), dtype=np.int64), *self.opened])
-        old = self.piece_of_cell
+        old, pairs = self.piece_of_cell, [np.empty((0, 3), dtype=np.int64), *self.opened]
         if old is None:
             old = np.zeros(self.num_cells, dtype=np.int32)
-        name = np.empty(self.num_cells, dtype=np.int64)
-        broken = np.isin(self.grain_of_cell, self.grain_of_cell[opened[:, 0]])
-        if broken.any():
-            name[self.named_cells] = np.arange(self.num_cells)
-        piece = number_pieces(self.cells, old, self.grain_of_cell, name, broken, holding)
+        broken = np.unique(self.grain_of_cell[np.concatenate(pairs)[:, 0]])
+        rows = self.cells_of(broken)
+        piece = number_pieces(self.cells, old, self.grain_of_cell, self.name_of_cell, rows, holding)
         if not self.comm.allreduce(int((piece != old).any())):
             return self
         source, rows = self.source, (self.num_nodes, self.num_cells, len(self.facets))
@@ -359,29 +364,33 @@ class GrainMesh:
             source = Source(*map(np.arange, rows))
         return replace(self, piece_of_cell=piece if piece.any() else None, source=source)
 
-    def _with_parted(self, cells, parted, given, opened):
+    def _with_parted(self, cells, parted, opened):
         """The next version. Collective.
 
         Args:
             cells: New nodes of the cells: ``num_nodes`` + k where they have part k.
             parted: Old nodes of these parts, shape (num_parts,).
-            given: Names of old nodes and cells.
             opened: As the field of that name.
         """
-        num = self.num_nodes
+        num, named = self.num_nodes, self.named_nodes
+        name = np.empty(num, dtype=np.int64)
+        name[named] = np.arange(num)
         # Parts stand after the last node of their grain, by the name of their old node.
         last = np.maximum.reduceat(self.nodes, self.node_offset[:-1])
-        order = np.argsort(given[0][parted], kind="stable")
-        place = np.concatenate([np.arange(num), last[self.grain_of_node[parted[order]]]])
-        source = np.concatenate([np.arange(num), parted[order]])
-        by_place = np.argsort(place, kind="stable")
+        order = np.argsort(name[parted], kind="stable")
+        parts = parted[order]
+        after = last[self.grain_of_node[parts]]
+        source = np.insert(np.arange(num), after + 1, parts)
         new_number = np.empty(num + parted.size, dtype=np.int32)
-        new_number[np.concatenate([np.arange(num), num + order])[by_place]] = np.arange(place.size)
-        source, new_cells = source[by_place], new_number[cells]
+        new_number[:num] = np.arange(num) + np.searchsorted(np.sort(after), np.arange(num))
+        by_place = np.argsort(after, kind="stable")
+        new_number[num + order[by_place]] = after[by_place] + 1 + np.arange(parts.size)
         grain_of_node = self.grain_of_node[source]
         nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
-        facets, grain_of_facet, cell_of_facet = boundary_facets(new_cells, self.cell_offset)
-        name = np.concatenate([given[0], num + np.arange(parted.size)])[by_place]
+        new_cells = new_number[cells]
+        named_after = self.node_offset[1:][self.grain_of_node[parts]]
+        sides, at = self._sides_with(new_cells, opened)
+        cell_of_facet = (sides // 4).astype(np.int32)
         return replace(
             self,
             x=self.x[source],
@@ -389,23 +398,38 @@ class GrainMesh:
             nodes=nodes,
             node_offset=np.searchsorted(grain_of_node[nodes], np.arange(self.num_grains + 1)),
             grain_of_node=grain_of_node,
-            facets=facets,
-            grain_of_facet=grain_of_facet,
+            facets=np.take_along_axis(new_cells[cell_of_facet], FACETS[sides % 4], axis=1),
+            grain_of_facet=self.grain_of_cell[cell_of_facet],
             cell_of_facet=cell_of_facet,
             first_node=self.comm.exscan(source.size) or 0,
-            given=(name, given[1]),
+            named=(
+                np.insert(new_number[named], named_after, new_number[num + order]),
+                self.named_cells,
+            ),
             version=self.version + 1,
             origin=source if self.origin is None else self.origin[source],
-            source=Source(
-                source,
-                np.arange(self.num_cells),
-                rows_of(
-                    sides_of(self.cells, self.facets, self.cell_of_facet),
-                    sides_of(new_cells, facets, cell_of_facet),
-                ),
-            ),
+            source=Source(source, np.arange(self.num_cells), at),
             opened=[opened],
         )
+
+    def _sides_with(self, cells, opened):
+        """Sides of cells that are facets once nodes have parted. Local.
+
+        Args:
+            cells: Their nodes afterwards, shape (num_cells, 4).
+            opened: As the field of that name.
+
+        Returns:
+            The sides, increasing, and which facet each was before, -1 of those that have opened.
+        """
+        before, pairs = sides_of(self.cells, self.facets, self.cell_of_facet), opened[:, :2]
+        corners = self.cells[pairs] if self.origin is None else self.origin[self.cells[pairs]]
+        joined = cells[pairs]
+        apart = (joined[:, 0, :, None] == joined[:, 1, None, :]).sum(axis=(1, 2)) != 3
+        shared = corners[:, 0, :, None] == corners[:, 1, None, :]
+        beyond = [np.argmin(shared.any(axis=axis), axis=1) for axis in (2, 1)]
+        sides = np.union1d(before, (4 * pairs + np.stack(beyond, axis=1))[apart])
+        return sides, rows_of(before, sides)
 
 
 def create_grain_mesh(

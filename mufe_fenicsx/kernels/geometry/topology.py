@@ -100,7 +100,7 @@ def rows_of(known, wanted):
     return np.where(known[row] == wanted, row, -1) if known.size else np.full(wanted.size, -1)
 
 
-def part_nodes(cells, opened, now, name_of_cell):
+def part_nodes(cells, rows, opened, now, name_of_cell):
     """Give parts of nodes of their own where facets between cells opened. Local.
 
     Two cells stay joined at a node where a path of cells around it joins them, through facets that
@@ -108,6 +108,7 @@ def part_nodes(cells, opened, now, name_of_cell):
 
     Args:
         cells: Nodes of the tetrahedra, shape (num_cells, 4).
+        rows: Those of them beside which nodes can part: of the bodies that facets open in.
         opened: Pairs of cells whose facets opened so far, shape (n, 2).
         now: Those of them that opened now, shape (m, 2).
         name_of_cell: Numbers of the cells, of which the least of a part says which comes first,
@@ -121,7 +122,7 @@ def part_nodes(cells, opened, now, name_of_cell):
     one, other = cells[now].transpose(1, 0, 2)
     touched = np.zeros(num, dtype=bool)
     touched[one[(one[:, :, None] == other[:, None, :]).any(axis=2)]] = True
-    around = np.flatnonzero(touched[cells].any(axis=1))
+    around = rows[touched[cells[rows]].any(axis=1)]
     if not around.size:
         return cells, np.empty(0, dtype=np.int64)
     near = cells[around]
@@ -270,7 +271,7 @@ def _rings(triangles, one, other):
     return ends
 
 
-def number_pieces(cells, before, grain_of_cell, name_of_cell, broken, holding):
+def number_pieces(cells, before, grain_of_cell, name_of_cell, rows, holding):
     """Numbers of the pieces that the cells of grains hang together in. Local.
 
     Cells hang together by nodes, and by what holds them beside. Of a piece that parts, the part of
@@ -282,16 +283,15 @@ def number_pieces(cells, before, grain_of_cell, name_of_cell, broken, holding):
         before: Numbers before, shape (num_cells,).
         grain_of_cell: Their grains, shape (num_cells,).
         name_of_cell: Numbers that know no ranks within a grain, shape (num_cells,).
-        broken: Whether the grain of each cell can be in pieces, shape (num_cells,).
+        rows: Cells of the grains that can be in pieces.
         holding: Pairs of cells, shape (n, 2).
 
     Returns:
         Numbers now, int32, shape (num_cells,).
     """
-    mine = np.flatnonzero(broken)
-    if not mine.size:
+    if not rows.size:
         return before
-    mine = mine[np.lexsort((name_of_cell[mine], grain_of_cell[mine]))]
+    mine = rows[np.lexsort((name_of_cell[rows], grain_of_cell[rows]))]
     row_of_cell = np.empty(len(cells), dtype=np.int64)
     row_of_cell[mine] = np.arange(mine.size)
     size = mine.size + int(cells.max()) + 1
