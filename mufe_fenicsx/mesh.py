@@ -14,14 +14,13 @@ from petsc4py import PETSc  # noqa: F401  starts it, and with it its handlers of
 
 from .errors import raise_on_broken_pipes, raise_together
 from .kernels.geometry.topology import (
-    FACETS,
     body_defect,
-    boundary_facets,
+    boundary_sides,
     inner_facets,
+    nodes_of_sides,
     number_pieces,
     part_nodes,
     rows_of,
-    sides_of,
 )
 from .machine.notebook import html_table
 from .units import with_unit
@@ -110,7 +109,8 @@ class GrainMesh:
     grain_of_node: np.ndarray  #: local grain of each node, int32, shape (num_nodes,)
     facets: np.ndarray  #: nodes of boundary facets, outward, int32, shape (num_facets, 3)
     grain_of_facet: np.ndarray  #: local grain of each facet, shape (num_facets,)
-    cell_of_facet: np.ndarray  #: row of ``cells`` beneath each facet, int32, shape (num_facets,)
+    #: Side of a cell that each facet is, 4 c + i across from corner i of cell c, increasing.
+    side_of_facet: np.ndarray
     cylinder: np.ndarray | None = None  #: that cut the grains: x, y, radius [m], shape (3,)
     sleeves: tuple[str, ...] = ()  #: names of bodies after the grains in ``labels``, around them
     tools: tuple[str, ...] = ()  #: names of the last of ``labels``, which are tools and no grains
@@ -251,6 +251,11 @@ class GrainMesh:
         return np.repeat(np.arange(self.num_grains, dtype=np.int32), np.diff(self.cell_offset))
 
     @cached_property
+    def cell_of_facet(self) -> np.ndarray:
+        """Row of ``cells`` beneath each facet, int32, shape (num_facets,)."""
+        return (self.side_of_facet // 4).astype(np.int32)
+
+    @cached_property
     def name_of_cell(self) -> np.ndarray:
         """Place of each row of ``cells`` among :attr:`named_cells`, shape (num_cells,)."""
         name = np.empty(self.num_cells, dtype=np.int64)
@@ -389,8 +394,7 @@ class GrainMesh:
         nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
         new_cells = new_number[cells]
         named_after = self.node_offset[1:][self.grain_of_node[parts]]
-        sides, at = self._sides_with(new_cells, opened)
-        cell_of_facet = (sides // 4).astype(np.int32)
+        sides = self._sides_with(new_cells, opened)
         return replace(
             self,
             x=self.x[source],
@@ -398,9 +402,9 @@ class GrainMesh:
             nodes=nodes,
             node_offset=np.searchsorted(grain_of_node[nodes], np.arange(self.num_grains + 1)),
             grain_of_node=grain_of_node,
-            facets=np.take_along_axis(new_cells[cell_of_facet], FACETS[sides % 4], axis=1),
-            grain_of_facet=self.grain_of_cell[cell_of_facet],
-            cell_of_facet=cell_of_facet,
+            facets=nodes_of_sides(new_cells, sides),
+            grain_of_facet=self.grain_of_cell[sides // 4],
+            side_of_facet=sides,
             first_node=self.comm.exscan(source.size) or 0,
             named=(
                 np.insert(new_number[named], named_after, new_number[num + order]),
@@ -408,28 +412,24 @@ class GrainMesh:
             ),
             version=self.version + 1,
             origin=source if self.origin is None else self.origin[source],
-            source=Source(source, np.arange(self.num_cells), at),
+            source=Source(source, np.arange(self.num_cells), rows_of(self.side_of_facet, sides)),
             opened=[opened],
         )
 
     def _sides_with(self, cells, opened):
-        """Sides of cells that are facets once nodes have parted. Local.
+        """Sides of cells that are facets once nodes have parted, increasing. Local.
 
         Args:
             cells: Their nodes afterwards, shape (num_cells, 4).
             opened: As the field of that name.
-
-        Returns:
-            The sides, increasing, and which facet each was before, -1 of those that have opened.
         """
-        before, pairs = sides_of(self.cells, self.facets, self.cell_of_facet), opened[:, :2]
-        corners = self.cells[pairs] if self.origin is None else self.origin[self.cells[pairs]]
-        joined = cells[pairs]
-        apart = (joined[:, 0, :, None] == joined[:, 1, None, :]).sum(axis=(1, 2)) != 3
-        shared = corners[:, 0, :, None] == corners[:, 1, None, :]
-        beyond = [np.argmin(shared.any(axis=axis), axis=1) for axis in (2, 1)]
-        sides = np.union1d(before, (4 * pairs + np.stack(beyond, axis=1))[apart])
-        return sides, rows_of(before, sides)
+        pairs = opened[:, :2]
+        first = self.cells[pairs] if self.origin is None else self.origin[self.cells[pairs]]
+        shared = first[:, 0, :, None] == first[:, 1, None, :]
+        beyond = np.stack([np.argmin(shared.any(axis=axis), axis=1) for axis in (2, 1)], axis=1)
+        now = cells[pairs]
+        apart = (now[:, 0, :, None] == now[:, 1, None, :]).sum(axis=(1, 2)) != 3
+        return np.union1d(self.side_of_facet, (4 * pairs + beyond)[apart])
 
 
 def create_grain_mesh(
@@ -480,7 +480,8 @@ def create_grain_mesh(
     nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
     node_offset = np.searchsorted(grain_of_node[nodes], np.arange(grains.size + 1))
 
-    facets, grain_of_facet, cell_of_facet = boundary_facets(dofs, cell_offset)
+    sides = boundary_sides(dofs, cell_offset)
+    facets, grain_of_facet = nodes_of_sides(dofs, sides), local_grain[sides // 4]
     _check_elements(comm, x, dofs, cell_offset, facets, grain_of_facet, np.asarray(labels)[grains])
     return GrainMesh(
         comm=domain.comm,
@@ -495,7 +496,7 @@ def create_grain_mesh(
         grain_of_node=grain_of_node,
         facets=facets,
         grain_of_facet=grain_of_facet,
-        cell_of_facet=cell_of_facet,
+        side_of_facet=sides,
         sleeves=tuple(sleeves),
         tools=tuple(tools),
         first_view=View(domain, V, cell_order, np.arange(len(x), dtype=np.int32)),

@@ -8,7 +8,6 @@ where it carries no contact any more.
 
 import numpy as np
 
-from ..kernels.geometry.topology import sides_of
 from .snapshot import Names, as_arrays, contact_tables, joined, look_up, restore_contact
 
 
@@ -23,7 +22,7 @@ def carry_contact(old, old_mesh, new, mesh, x):
     tables = as_arrays(contact_tables(old, old_mesh))
     names, new_names = Names(old, old_mesh), Names(new, mesh)
     own, facets = new.own, old.own.facets
-    kept = np.searchsorted(_sides(new, mesh), _sides(old, old_mesh))
+    kept = np.searchsorted(new.own.side, old.own.side)
     of_ranks = mesh.comm.allgather(
         (old.own.grain_of_facet, names.node[facets], new_names.node[own.facets[kept]])
     )
@@ -81,12 +80,6 @@ def beside(contact, nodes):
 
 def _some(table, rows):
     return {name: values[rows] for name, values in table.items()}
-
-
-def _sides(contact, mesh):
-    """Numbers of the sides of cells that own facets are, increasing."""
-    own = contact.own
-    return sides_of(mesh.cells, own.nodes[own.facets], own.cell_of_facet)
 
 
 def _surface(old, old_mesh, new, mesh, order, x):

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...kernels.contact.edge_search import sharp_edges
-from ...kernels.geometry.topology import sides_of
 
 #: Convex edges are sharp whose facets' normals differ by more than this angle [rad]. Where two
 #: edges of length h cross at their middles, a vertex is inside the other body from the depth
@@ -29,8 +28,7 @@ class OwnSurface:
     #: Bodies, int32: grain + number of all grains * piece; where none is in pieces, the grains.
     body_of_node: np.ndarray
     body_of_facet: np.ndarray
-    #: Sides of cells that facets are (kernels.geometry.topology), increasing; None: no pieces.
-    side: np.ndarray | None
+    side: np.ndarray  #: of a cell that each facet is, as of the mesh, increasing, (num_facets,)
     area: np.ndarray  #: nodal areas [m²], shape (num_nodes,)
     facet_area: np.ndarray  #: areas of the facets [m²], shape (num_facets,)
     facet_edge: np.ndarray  #: mean edges of the facets [m], shape (num_facets,)
@@ -69,12 +67,11 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
     across = neighbours(facets)
     grain_of_node = mesh.grains[mesh.grain_of_node[nodes]].astype(np.int32)
     grain_of_facet = mesh.grains[local_grain].astype(np.int32)
-    bodies, side = (grain_of_node, grain_of_facet), None
+    bodies = grain_of_node, grain_of_facet
     if mesh.piece_of_cell is not None:
         bodies = tuple(grain.copy() for grain in bodies)
         bodies[1][:] += mesh.labels.size * mesh.piece_of_cell[mesh.cell_of_facet[outside]]
         bodies[0][facets] = bodies[1][:, None]
-        side = sides_of(mesh.cells, of_mesh, mesh.cell_of_facet[outside])
     return OwnSurface(
         nodes=nodes.astype(np.int32),
         facets=facets,
@@ -82,7 +79,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
         grain_of_facet=grain_of_facet,
         body_of_node=bodies[0],
         body_of_facet=bodies[1],
-        side=side,
+        side=mesh.side_of_facet[outside],
         area=area,
         facet_area=facet_area,
         facet_edge=edges / 3.0,
