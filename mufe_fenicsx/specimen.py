@@ -49,6 +49,8 @@ class Specimen(Stateful):
         damping: Force -damping m v on every node [1/s]; time steps are at most one over it, and
             static increments have none.
         tools: All :class:`~mufe_fenicsx.bulk.tools.Tool`, in the order of those of the mesh.
+        before: The specimen of the mesh that this one has grown from, with the same options: what
+            is as it was is taken from there, and contact has no pairs yet. None: of the start.
         contact: Fields of :class:`~mufe_fenicsx.contact.settings.ContactSettings`, ``friction``
             among them.
 
@@ -79,6 +81,7 @@ class Specimen(Stateful):
         gravity=None,
         damping=0.0,
         tools=(),
+        before=None,
         **contact,
     ):
         self.mesh, self.comm = mesh, mesh.comm
@@ -99,7 +102,9 @@ class Specimen(Stateful):
             tuple(material.yield_table() for material in materials),
             self.state.plastic_strain,
         )  # fmt: skip
-        self.contact = Contact(mesh, mesh.x, self.walls, grains, settings)
+        self.contact = Contact(
+            mesh, mesh.x, self.walls, grains, settings, None if before is None else before.contact
+        )
         kinematic = self.contact.layers.kinematic
         self.glued = Glued(mesh, self.walls, self.contact.own.nodes)
         self.mirrors = Mirrors(

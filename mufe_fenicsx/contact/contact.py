@@ -30,6 +30,8 @@ class Contact(Stateful):
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
         grains: :class:`~mufe_fenicsx.contact.settings.ContactGrains`.
         settings: :class:`~mufe_fenicsx.contact.settings.ContactSettings`.
+        before: The contact of the mesh that this one has grown from: no pairs are searched yet, and
+            what contact of the start cannot be is not looked for. None: of the start.
 
     Attributes:
         own, surface: This rank's surface, and with that of other ranks near it.
@@ -52,11 +54,12 @@ class Contact(Stateful):
 
     STATE = {"common": ("num_searches",)}
 
-    def __init__(self, mesh, x, walls, grains, settings):
+    def __init__(self, mesh, x, walls, grains, settings, before=None):
         self.comm, self.walls, self.self_contact = mesh.comm, walls, settings.self_contact
         self.own = own = own_surface(mesh, x, nodes_on_mirrors(x, walls.walls), walls.normal)
-        check_surface(mesh, own)
-        check_stiffness(mesh, grains.modulus)
+        if before is None:
+            check_surface(mesh, own)
+            check_stiffness(mesh, grains.modulus)
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
         self.layers = SurfaceLayers(mesh, own, x, grains, settings)
         self.points = self.layers.points
@@ -66,9 +69,10 @@ class Contact(Stateful):
         total = self.comm.allreduce(np.array([area.sum(), area.size]))
         self.edge = math.sqrt(4 / math.sqrt(3) * total[0] / total[1])
         self.motion = RelativeMotion(self.comm, mesh.grains, self.edge, x)
-        of_grains = ~mesh.is_tool[mesh.grain_of_node]
-        check_walls(self.comm, walls, x[of_grains] if mesh.tools else x, self.edge)
-        walls.glue(x[own.nodes], mesh.labels[own.grain_of_node])
+        if before is None:
+            of_grains = ~mesh.is_tool[mesh.grain_of_node]
+            check_walls(self.comm, walls, x[of_grains] if mesh.tools else x, self.edge)
+        walls.begin(x[own.nodes], mesh.labels[own.grain_of_node], self.points, self.tools)
         self.ghosts = Ghosts(self.comm, own.nodes, self.points)
         node_ratio = grains.tangential_ratio[mesh.grain_of_node[own.nodes]]
         # As of sharp vertices: edges that end a flat contact add nothing to it.
@@ -83,7 +87,16 @@ class Contact(Stateful):
         self.any_pair = False
         #: Called before each search; afterwards all positions are those of this moment.
         self.before_search = None
-        self.search(x)
+        if before is None:
+            self.search(x)
+
+    @property
+    def tools(self):
+        """Which own nodes, and which points, are of tools; None where there are none."""
+        if self.first_tool is None:
+            return None
+        both = self.own.grain_of_node, self.points.grain_of_point
+        return tuple(grain >= self.first_tool for grain in both)
 
     @property
     def parts(self):
@@ -124,7 +137,11 @@ class Contact(Stateful):
 
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local."""
-        self.layers.set_time_step(dt, self.surface, self.pairs, self.walls.pairs)
+        factor = self.layers.set_time_step(dt)
+        if factor != 1.0:
+            self.surface.layer_of_facet[:] *= factor
+            for pairs in (self.pairs, self.walls.pairs):
+                pairs.stiffness /= factor
 
     def begin_step(self, x, moved=0.0, known=()):
         """Begin a step to the positions ``x``, which :meth:`add_forces` ends. Collective.

@@ -74,7 +74,7 @@ def carry_over(old, new):
     inner_before *= share[:, None]
 
     sp.damping = old.damping
-    new.contact.set_time_step(old.contact.layers.step)
+    new.contact.layers.set_time_step(old.contact.layers.step)
     there = [term.name for term in sp.added_terms]
     moved = [term for term in old.specimen.added_terms if term.name not in there]
     for term in moved:
@@ -86,7 +86,7 @@ def carry_over(old, new):
         if name not in names:
             parts[name].load_state_dict(part.grown(source, share))
     new.stable.set_mass(new.solid.mass)
-    carry_contact(old.contact, old.mesh, new.contact, new.mesh, new.state.x)
+    carry_contact(old.contact, new.contact, source)
 
     # Only around nodes with parts: else forces and accelerations keep their last bits.
     inner = _internal_forces(new)

@@ -81,22 +81,19 @@ class SurfaceLayers(Stateful):
             replace_layers(mesh, own, layers, grains.rigid_layer)
         return layers
 
-    def set_time_step(self, dt, surface, *of_pairs):
+    def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local.
 
-        Args:
-            dt: Length of a step [s].
-            surface: :class:`~mufe_fenicsx.contact.surface.exchange.Surface` with a copy of them.
-            of_pairs: Pairs with facets and with walls, whose stiffness follows.
+        Returns:
+            Their compliance now over that of before, 1 of other layers.
         """
-        if self.kinematic and dt != self.step:
-            factor = (dt / self.step) ** 2
-            self.step = dt
-            self.points.layer[:] *= factor
-            self.of_facet *= factor
-            surface.layer_of_facet[:] *= factor
-            for pairs in of_pairs:
-                pairs.stiffness /= factor
+        if not self.kinematic or dt == self.step:
+            return 1.0
+        factor = (dt / self.step) ** 2
+        self.step = dt
+        self.points.layer[:] *= factor
+        self.of_facet *= factor
+        return factor
 
     @property
     def ahead(self):
