@@ -255,6 +255,27 @@ class GrainMesh:
         """Row of ``cells`` beneath each facet, int32, shape (num_facets,)."""
         return (self.side_of_facet // 4).astype(np.int32)
 
+    def sides_between(self, pairs: np.ndarray) -> np.ndarray:
+        """Sides of both cells that their facet is, which may have opened, shape (n, 2). Local.
+
+        Args:
+            pairs: Rows of the cells, shape (n, 2).
+        """
+        nodes = self.cells[pairs] if self.origin is None else self.origin[self.cells[pairs]]
+        shared = nodes[:, 0, :, None] == nodes[:, 1, None, :]
+        beyond = [np.argmin(shared.any(axis=axis), axis=1) for axis in (2, 1)]
+        return 4 * pairs + np.stack(beyond, axis=1)
+
+    def near_parts(self, num_cells: int) -> np.ndarray:
+        """Whether each node parted in the last growth, or is so many cells away. Local."""
+        nodes = self.source.nodes
+        near = np.bincount(nodes)[nodes] > 1
+        rows = self.cells_of(np.unique(self.grain_of_node[near]))
+        for _ in range(num_cells):
+            cells = self.cells[rows]
+            near[cells[near[cells].any(axis=1)]] = True
+        return near
+
     @cached_property
     def name_of_cell(self) -> np.ndarray:
         """Place of each row of ``cells`` among :attr:`named_cells`, shape (num_cells,)."""
@@ -333,13 +354,18 @@ class GrainMesh:
         pairs, message = _pairs_of_cells(self, between)
         raise_together(self.comm, message)
         row = np.column_stack([pairs, np.full(len(pairs), self.version + 1)])
-        opened = np.concatenate([*self.opened, row])
+        opened = np.concatenate([self.all_opened, row])
         rows = self.cells_of(np.unique(self.grain_of_cell[pairs[:, 0]]))
         cells, parted = part_nodes(self.cells, rows, opened[:, :2], pairs, self.name_of_cell)
         if not self.comm.allreduce(parted.size):
             self.opened[:] = [opened]
             return self
         return self._with_parted(cells, parted, opened)
+
+    @property
+    def all_opened(self) -> np.ndarray:
+        """The rows of :attr:`opened`, shape (num_opened, 3)."""
+        return np.concatenate([np.empty((0, 3), dtype=np.int64), *self.opened])
 
     def cells_of(self, grains: np.ndarray) -> np.ndarray:
         """Rows of ``cells`` of some local grains, one after another. Local."""
@@ -356,10 +382,10 @@ class GrainMesh:
         Returns:
             It, with a ``source`` from ``before``; this mesh itself where no piece has come loose.
         """
-        old, pairs = self.piece_of_cell, [np.empty((0, 3), dtype=np.int64), *self.opened]
+        old = self.piece_of_cell
         if old is None:
             old = np.zeros(self.num_cells, dtype=np.int32)
-        broken = np.unique(self.grain_of_cell[np.concatenate(pairs)[:, 0]])
+        broken = np.unique(self.grain_of_cell[self.all_opened[:, 0]])
         rows = self.cells_of(broken)
         piece = number_pieces(self.cells, old, self.grain_of_cell, self.name_of_cell, rows, holding)
         if not self.comm.allreduce(int((piece != old).any())):
@@ -423,13 +449,9 @@ class GrainMesh:
             cells: Their nodes afterwards, shape (num_cells, 4).
             opened: As the field of that name.
         """
-        pairs = opened[:, :2]
-        first = self.cells[pairs] if self.origin is None else self.origin[self.cells[pairs]]
-        shared = first[:, 0, :, None] == first[:, 1, None, :]
-        beyond = np.stack([np.argmin(shared.any(axis=axis), axis=1) for axis in (2, 1)], axis=1)
-        now = cells[pairs]
-        apart = (now[:, 0, :, None] == now[:, 1, None, :]).sum(axis=(1, 2)) != 3
-        return np.union1d(self.side_of_facet, (4 * pairs + beyond)[apart])
+        one, other = cells[opened[:, :2]].transpose(1, 0, 2)
+        apart = (one[:, :, None] == other[:, None, :]).sum(axis=(1, 2)) != 3
+        return np.union1d(self.side_of_facet, self.sides_between(opened[apart, :2]))
 
 
 def create_grain_mesh(

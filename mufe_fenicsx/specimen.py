@@ -87,7 +87,7 @@ class Specimen(Stateful):
         self.mesh, self.comm = mesh, mesh.comm
         raise_together(self.comm, _what_is_wrong(mesh, materials, velocity, mass_factor))
         materials = [*materials, *tool_solids(self.comm, mesh, tools, materials)]
-        self.solid = solid = Solid(mesh, materials, element)
+        self.solid = solid = Solid(mesh, materials, element, before and before.solid)
         weighed = solid.mass.copy()
         self.rigid = RigidGrains(mesh, materials, solid.mass, mass_factor)
         if mass_factor is not None:
@@ -103,7 +103,7 @@ class Specimen(Stateful):
             self.state.plastic_strain,
         )  # fmt: skip
         self.contact = Contact(
-            mesh, mesh.x, self.walls, grains, settings, None if before is None else before.contact
+            mesh, mesh.x, self.walls, grains, settings, before and before.contact
         )
         kinematic = self.contact.layers.kinematic
         self.glued = Glued(mesh, self.walls, self.contact.own.nodes)

@@ -61,7 +61,8 @@ class Contact(Stateful):
             check_surface(mesh, own)
             check_stiffness(mesh, grains.modulus)
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
-        self.layers = SurfaceLayers(mesh, own, x, grains, settings)
+        known = None if before is None else before.layers.on(mesh, own, before.own)
+        self.layers = SurfaceLayers(mesh, own, x, grains, settings, known)
         self.points = self.layers.points
         #: The first of the bodies that are tools; None: there are none.
         self.first_tool = mesh.first_tool if mesh.tools else None

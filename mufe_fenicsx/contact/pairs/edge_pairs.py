@@ -174,7 +174,7 @@ class EdgePairs(RowTable):
         self.outside[:], self.place[:] = np.inf, 0.5
 
 
-def edge_compliances(own, x, of_mesh):
+def edge_compliances(own, x, of_mesh, known=None):
     """Relative compliance of the ends of sharp edges [m/N], shape (num_facets, 3). Local.
 
     It is along the bisector of both facets' normals, and stands in the facet of the lower number.
@@ -183,16 +183,21 @@ def edge_compliances(own, x, of_mesh):
         own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
         x: Reference positions of the mesh's nodes [m], shape (num_nodes, 3).
         of_mesh: Called as :meth:`~mufe_fenicsx.bulk.solid.Solid.edge_compliance`; None: zeros.
+        known: What is known of it, nan elsewhere, shape (num_facets, 3); None: nothing is.
     """
     if of_mesh is None or not own.sharp_edge.any():
         return np.broadcast_to(0.0, own.sharp_edge.shape)
     numbers = np.arange(len(own.facets))
     ends, _, sides, key = list_sharp_edges(own.facets, own.neighbour, numbers, own.sharp_edge)
+    found = np.zeros(own.sharp_edge.shape)
+    if known is not None:
+        found.ravel()[key] = known.ravel()[key]
+        unknown = np.isnan(known.ravel()[key])
+        ends, sides, key = ends[unknown], sides[unknown], key[unknown]
     a, b, c = np.moveaxis(x[own.nodes[own.facets[sides]]], 2, 0)
     normal = np.cross(b - a, c - a)
     bisector = (normal / np.linalg.norm(normal, axis=2, keepdims=True)).sum(axis=1)
     bisector /= np.linalg.norm(bisector, axis=1, keepdims=True)
-    found = np.zeros(own.sharp_edge.shape)
     found.ravel()[key] = of_mesh(own.nodes[ends], bisector)
     return found
 

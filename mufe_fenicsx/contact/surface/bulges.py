@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...kernels.geometry.boxes import grown_by
 from .surface import SHARP_EDGE, neighbours
 
 #: As in kernels/contact/pairs.h.
@@ -58,28 +59,50 @@ def no_bulges(own):
     return Bulges(np.zeros((len(own.facets), 6)), np.zeros((len(own.facets), 3)))
 
 
-def bulges_beside_cracks(own, x, origin):
+def bulges_beside_cracks(own, x, known, wanted):
     """The smooth surface over own facets, of which cracks have cut some. Local.
 
     Facets that were surface at the start stay as curved as they were: a body does not move where it
-    is cut. Those of a crack, two with the same nodes at the start, are as flat as they lie.
+    is cut. Those of a crack are as flat as they lie.
+
+    Args:
+        own, x: As of :func:`bulges_of`.
+        known: :class:`Bulges` of all facets but those that are ``wanted``; changed in place.
+        wanted: Whether the bulge of a facet of a crack is to be found, shape (num_facets,).
+    """
+    # A bulge hangs on the facets around its nodes, and on those around the nodes of these.
+    marked = np.zeros(len(own.nodes), bool)
+    marked[own.facets[wanted]] = True
+    rows = np.flatnonzero(grown_by(own.facets, marked, 2))
+    row = np.full(len(own.facets) + 1, -1)  # the last one is that of no neighbour
+    row[rows] = np.arange(rows.size)
+    part = replace(
+        own, facets=own.facets[rows], neighbour=row[own.neighbour[rows]],
+        facet_area=own.facet_area[rows], mirror=own.mirror[rows],
+    )  # fmt: skip
+    found, wanted = bulges_of(part, x), np.flatnonzero(wanted)
+    known.bulge[wanted], known.curvature[wanted] = (
+        of[row[wanted]] for of in (found.bulge, found.curvature)
+    )
+    return known
+
+
+def bulges_of_the_start(own, x, origin, old):
+    """The smooth surface over facets that were surface at the start, none over others. Local.
 
     Args:
         own, x: As of :func:`bulges_of`.
         origin: Node at the start of each own surface node, shape (num_nodes,).
+        old: Whether a facet was surface then, shape (num_facets,).
     """
-    found, names = bulges_of(own, x), origin[own.facets]
-    _, same, count = np.unique(
-        np.sort(names, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    old = np.flatnonzero(count[same.reshape(-1)] == 1)
-    nodes, one, facets = np.unique(names[old], return_index=True, return_inverse=True)
+    names = origin[own.facets[old]]
+    nodes, one, facets = np.unique(names, return_index=True, return_inverse=True)
     facets = facets.reshape(-1, 3).astype(np.int32)
     whole = replace(
         own, nodes=nodes, facets=facets, neighbour=neighbours(facets),
         facet_area=own.facet_area[old], mirror=own.mirror[old],
     )  # fmt: skip
-    before = bulges_of(whole, x[own.facets[old].ravel()[one]])
+    before, found = bulges_of(whole, x[own.facets[old].ravel()[one]]), no_bulges(own)
     found.bulge[old], found.curvature[old] = before.bulge, before.curvature
     return found
 
