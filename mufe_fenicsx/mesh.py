@@ -82,10 +82,9 @@ class View(NamedTuple):
 
 
 class Source(NamedTuple):
-    """Rows that those of a grown mesh come from, in the mesh before."""
+    """Rows that those of a grown mesh come from, in the mesh before; rows of cells stay."""
 
     nodes: np.ndarray  #: old node of each node, shape (num_nodes,)
-    cells: np.ndarray  #: old row of each cell, which is its own, shape (num_cells,)
     facets: np.ndarray  #: old facet of each facet, -1 of those that opened, shape (num_facets,)
 
 
@@ -266,11 +265,17 @@ class GrainMesh:
         beyond = [np.argmin(shared.any(axis=axis), axis=1) for axis in (2, 1)]
         return 4 * pairs + np.stack(beyond, axis=1)
 
+    @cached_property
+    def parted_grains(self) -> np.ndarray:
+        """Local grains in which nodes parted in the last growth, increasing."""
+        nodes = self.source.nodes
+        return np.unique(self.grain_of_node[np.bincount(nodes)[nodes] > 1])
+
     def near_parts(self, num_cells: int) -> np.ndarray:
         """Whether each node parted in the last growth, or is so many cells away. Local."""
         nodes = self.source.nodes
         near = np.bincount(nodes)[nodes] > 1
-        rows = self.cells_of(np.unique(self.grain_of_node[near]))
+        rows = self.cells_of(self.parted_grains)
         for _ in range(num_cells):
             cells = self.cells[rows]
             near[cells[near[cells].any(axis=1)]] = True
@@ -390,9 +395,9 @@ class GrainMesh:
         piece = number_pieces(self.cells, old, self.grain_of_cell, self.name_of_cell, rows, holding)
         if not self.comm.allreduce(int((piece != old).any())):
             return self
-        source, rows = self.source, (self.num_nodes, self.num_cells, len(self.facets))
+        source = self.source
         if self is before:
-            source = Source(*map(np.arange, rows))
+            source = Source(np.arange(self.num_nodes), np.arange(len(self.facets)))
         return replace(self, piece_of_cell=piece if piece.any() else None, source=source)
 
     def _with_parted(self, cells, parted, opened):
@@ -438,7 +443,7 @@ class GrainMesh:
             ),
             version=self.version + 1,
             origin=source if self.origin is None else self.origin[source],
-            source=Source(source, np.arange(self.num_cells), rows_of(self.side_of_facet, sides)),
+            source=Source(source, rows_of(self.side_of_facet, sides)),
             opened=[opened],
         )
 

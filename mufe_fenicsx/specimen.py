@@ -94,7 +94,7 @@ class Specimen(Stateful):
             solid.mass *= mass_factor
         self.walls = Walls(walls)
         self.f = np.zeros((mesh.num_nodes, 3))
-        self.state = initial_state(mesh.x, mesh.num_cells)
+        self.state = initial_state(mesh.x, mesh.num_cells, before and before.state)
         settings = _settings_of_contact(contact).with_tools(mesh.first_tool, tools)
         grains = ContactGrains(
             solid.contact_modulus, solid.tangential_ratio, solid.mass,

@@ -155,21 +155,29 @@ class Solid(ForceTerm):
         if bad >= 0:
             self.inverted = bad
 
-    def add_internal_forces(self, f, state, dt):
+    def add_internal_forces(self, f, state, dt, among=None):
         """Advance the stress of ``state`` by ``dt`` and subtract the internal forces from ``f``.
+
+        Args:
+            f, state, dt: As of :meth:`begin_forces`.
+            among: Local grains, of which those that deform take part; None: all that deform.
 
         Returns:
             An inverted element, or -1. Local.
         """
         bad = -1
-        for increment, grains in self.laws:
+        laws, rubber = self.laws, self.hyperelastic.grains
+        if among is not None:
+            laws = [(law, grains[np.isin(grains, among)]) for law, grains in laws]
+            rubber = rubber[np.isin(rubber, among)]
+        for increment, grains in laws:
             found = self.kernel(
                 f, state.deviator, state.plastic_strain, state.plastic_work, state.x, state.v,
                 dt, grains, increment,
             )  # fmt: skip
             bad = max(bad, found)
-        if self.hyperelastic.grains.size:
-            bad = max(bad, self.hyperelastic.add_forces(f, state))
+        if rubber.size:
+            bad = max(bad, self.hyperelastic.add_forces(f, state, rubber))
         return bad
 
     def add_stiffness(self, y, q, x):
