@@ -269,7 +269,7 @@ class GrainMesh:
     def parted_grains(self) -> np.ndarray:
         """Local grains in which nodes parted in the last growth, increasing."""
         nodes = self.source.nodes
-        return np.unique(self.grain_of_node[np.bincount(nodes)[nodes] > 1])
+        return np.unique(self.grain_of_node[np.bincount(nodes)[nodes] > 1]).astype(np.int64)
 
     def near_parts(self, num_cells: int) -> np.ndarray:
         """Whether each node parted in the last growth, or is so many cells away. Local."""

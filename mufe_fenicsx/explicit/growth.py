@@ -85,7 +85,7 @@ def carry_over(old, new):
     for name, part in old.parts.items():
         if name not in names:
             parts[name].load_state_dict(part.grown(source, share))
-    new.stable.set_mass(new.solid.mass)
+    new.stable.follow_parts(new.solid.mass)
     carry_contact(old.contact, new.contact, source)
 
     # Only around nodes with parts: else forces and accelerations keep their last bits.

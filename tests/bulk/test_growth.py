@@ -282,11 +282,14 @@ def test_growth_leaves_contact_energies_and_momentum_as_they_are():
     f, mass, old = s.specimen.f.copy(), s.solid.mass, s.state
     walls, momentum = s.wall_forces(), COMM.allreduce(mass @ old.v)
     assert min(before[name] for name in ("friction", "plastic_dents", "contact", "plastic")) > 0
-    searches = s.contact.num_searches
+    searches, rate = s.contact.num_searches, 2.0 / s.stable.of_tets()
     s.grow(between(s.mesh, middle))
     assert s.mesh.version == 1 and s.state is not old
-    # New facets look for others at once, and the frequencies of the mesh are higher.
-    assert s.contact.num_searches == searches + 1 and s.stable.tets_at == s.state.num_steps
+    # New facets look for others at once.
+    assert s.contact.num_searches == searches + 1
+    # Parts of nodes have higher frequencies, found to the 2 % of the iteration (its residual).
+    highest = 2.0 / s.stable.of_tets()
+    assert rate < highest < 1.02 * s.stable.rate_of_tets
     assert s.state.a == pytest.approx(s.specimen.f / s.solid.mass[:, None], rel=1e-12)
     after, now = s.energies(), as_arrays(contact_tables(s.contact, s.mesh))
     same = ("friction", "switching", "contact", "damping", "work", "plastic", "plastic_dents")
