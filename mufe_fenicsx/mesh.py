@@ -391,8 +391,8 @@ class GrainMesh:
         if old is None:
             old = np.zeros(self.num_cells, dtype=np.int32)
         broken = np.unique(self.grain_of_cell[self.all_opened[:, 0]])
-        rows = self.cells_of(broken)
-        piece = number_pieces(self.cells, old, self.grain_of_cell, self.name_of_cell, rows, holding)
+        rows = self.named_cells[self.cells_of(broken)]
+        piece = number_pieces(self.cells, old, self.grain_of_cell, rows, holding)
         if not self.comm.allreduce(int((piece != old).any())):
             return self
         source = self.source

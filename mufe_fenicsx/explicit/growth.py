@@ -151,12 +151,13 @@ def _meet_anew(simulation, faces):
 
 def _internal_forces(simulation, grains):
     """Those of local grains on the nodes as they are [N], shape (num_nodes, 3). Local."""
-    s, rows = simulation.state, simulation.mesh.cells_of(grains)
-    f, history = np.zeros_like(s.x), s.state_dict()["cells"].values()
-    kept = [values[rows] for values in history]
+    s, offset = simulation.state, simulation.mesh.cell_offset
+    history = s.state_dict()["cells"].values()
+    parts = [values[offset[k] : offset[k + 1]] for values in history for k in grains]
+    f, kept = np.zeros_like(s.x), [part.copy() for part in parts]
     simulation.solid.add_internal_forces(f, s, 0.0, grains)
-    for values, before in zip(history, kept, strict=True):
-        values[rows] = before
+    for part, before in zip(parts, kept, strict=True):
+        part[:] = before
     return f
 
 

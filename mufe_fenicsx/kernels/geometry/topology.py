@@ -6,6 +6,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from .pieces import first_of_pieces
+
 #: The four facets of a tetrahedron, seen from outside where it is positively oriented.
 FACETS = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
@@ -261,19 +263,19 @@ def _rings(triangles, one, other):
     return ends
 
 
-def number_pieces(cells, before, grain_of_cell, name_of_cell, rows, holding):
+def number_pieces(cells, before, grain_of_cell, rows, holding):
     """Numbers of the pieces that the cells of grains hang together in. Local.
 
     Cells hang together by nodes, and by what holds them beside. Of a piece that parts, the part of
-    most cells keeps the number, of as many the one of the first cell by name; the others get the
-    next numbers of their grain, by their first cells.
+    most cells keeps the number, of as many the one of the first cell; the others get the next
+    numbers of their grain, by their first cells.
 
     Args:
         cells: Nodes of the tetrahedra, shape (num_cells, 4).
         before: Numbers before, shape (num_cells,).
         grain_of_cell: Their grains, shape (num_cells,).
-        name_of_cell: Numbers that know no ranks within a grain, shape (num_cells,).
-        rows: Cells of the grains that can be in pieces.
+        rows: Cells of the grains that can be in pieces, grain after grain, in each in an order that
+            knows no ranks.
         holding: Pairs of cells, shape (n, 2).
 
     Returns:
@@ -281,16 +283,9 @@ def number_pieces(cells, before, grain_of_cell, name_of_cell, rows, holding):
     """
     if not rows.size:
         return before
-    mine = rows[np.lexsort((name_of_cell[rows], grain_of_cell[rows]))]
-    row_of_cell = np.empty(len(cells), dtype=np.int64)
-    row_of_cell[mine] = np.arange(mine.size)
-    size = mine.size + int(cells.max()) + 1
-    row = np.concatenate([np.repeat(np.arange(mine.size), 4), row_of_cell[holding[:, 0]]])
-    column = np.concatenate([mine.size + cells[mine].ravel(), row_of_cell[holding[:, 1]]])
-    graph = coo_array((np.ones(row.size, bool), (row, column)), (size, size))
-    part = connected_components(graph, directed=False)[1][: mine.size]
-    _, first, part, count = np.unique(part, True, True, True)
-    grain, of = grain_of_cell[mine[first]], before[mine[first]]
+    part = first_of_pieces(cells, rows, holding, int(cells.max()) + 1)
+    first, part, count = np.unique(part, return_inverse=True, return_counts=True)
+    grain, of = grain_of_cell[rows[first]], before[rows[first]]
     order = np.lexsort((first, -count, of, grain))
     same = (grain[order[1:]] == grain[order[:-1]]) & (of[order[1:]] == of[order[:-1]])
     number, new = of.copy(), order[1:][same]
@@ -300,7 +295,7 @@ def number_pieces(cells, before, grain_of_cell, name_of_cell, rows, holding):
     np.maximum.at(most, grain, of)
     number[new] = most[grain[new]] + 1 + np.arange(new.size) - begin
     now = before.copy()
-    now[mine] = number[part]
+    now[rows] = number[part]
     return now
 
 
