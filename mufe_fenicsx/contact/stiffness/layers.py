@@ -58,7 +58,7 @@ class SurfaceLayers(Stateful):
             self.smooth = smooth_surface(mesh, own, x, known)
         #: By how much smooth surfaces bring facets nearer [m], and how much faster than points
         #: their gaps go at most, on all ranks.
-        self.rise, self.steepest = self._bounds(mesh.comm, own, x)
+        self.rise, self.steepest = self._bounds(mesh.comm)
         known = grains.plastic_strain is not None
         #: Plastic strain of the cells, shape (num_cells,); zeros where nothing is known.
         self.plastic_strain = grains.plastic_strain if known else np.zeros(mesh.num_cells)
@@ -95,12 +95,11 @@ class SurfaceLayers(Stateful):
         marked = mesh.near_parts(0)[own.nodes]
         marked[own.facets[facet < 0]] = True
         changed = grown_by(own.facets, marked, 2)
-        smooth = Bulges(self.smooth.bulge[facet], self.smooth.curvature[facet])
-        return Known(compliance, smooth, changed)
+        return Known(compliance, self.smooth.some(facet), changed)
 
-    def _bounds(self, comm, own, x):
+    def _bounds(self, comm):
         """Fields ``rise`` and ``steepest``. Collective."""
-        slope = self.smooth.steepest(own.facets, x[own.nodes])
+        slope = self.smooth.slope.max(initial=0.0)
         most = np.array([2.0 * highest(self.smooth.bulge).max(initial=0.0), slope])
         comm.Allreduce(MPI.IN_PLACE, most, op=MPI.MAX)
         return float(most[0]), math.hypot(1.0, most[1])

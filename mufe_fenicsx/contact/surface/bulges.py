@@ -35,28 +35,22 @@ class Bulges:
     #: Determinant [1/m²] and trace [1/m] of the curvature, of a convex surface positive; and the
     #: mean curvature [1/m] across sharp edges too,
     curvature: np.ndarray  #: shape (num_facets, 3)
+    slope: np.ndarray  #: against the facets, at most, shape (num_facets,)
 
-    def steepest(self, facets, x):
-        """Slope of the surface against its facets at most. Local.
+    def some(self, rows):
+        """Those of the facets ``rows``. Local."""
+        return Bulges(self.bulge[rows], self.curvature[rows], self.slope[rows])
 
-        Args:
-            facets, x: Of :func:`bulges_of`.
-        """
-        q, o = self.bulge[:, :3], self.bulge[:, 3:]
-        u, v = x[facets[:, 1]] - x[facets[:, 0]], x[facets[:, 2]] - x[facets[:, 0]]
-        uu, vv, uv = (np.einsum("fi,fi->f", *of) for of in ((u, u), (v, v), (u, v)))
-        largest = 0.0
-        for w in np.eye(3):
-            by = q * np.roll(w, -1) + np.roll(q * w, 1, axis=1) - o
-            b, c = by[:, 1] - by[:, 0], by[:, 2] - by[:, 0]
-            square = (b * b * vv - 2 * b * c * uv + c * c * uu) / (uu * vv - uv * uv)
-            largest = max(largest, float(square.max(initial=0.0)))
-        return float(np.sqrt(largest))
+    def put(self, rows, found):
+        """Take those that are ``found`` for the facets ``rows``. Local."""
+        self.bulge[rows], self.curvature[rows] = found.bulge, found.curvature
+        self.slope[rows] = found.slope
 
 
 def no_bulges(own):
     """Facets that are what they are: no smooth surface over them. Local."""
-    return Bulges(np.zeros((len(own.facets), 6)), np.zeros((len(own.facets), 3)))
+    num = len(own.facets)
+    return Bulges(np.zeros((num, 6)), np.zeros((num, 3)), np.zeros(num))
 
 
 def bulges_beside_cracks(own, x, known, wanted):
@@ -80,10 +74,8 @@ def bulges_beside_cracks(own, x, known, wanted):
         own, facets=own.facets[rows], neighbour=row[own.neighbour[rows]],
         facet_area=own.facet_area[rows], mirror=own.mirror[rows],
     )  # fmt: skip
-    found, wanted = bulges_of(part, x), np.flatnonzero(wanted)
-    known.bulge[wanted], known.curvature[wanted] = (
-        of[row[wanted]] for of in (found.bulge, found.curvature)
-    )
+    wanted = np.flatnonzero(wanted)
+    known.put(wanted, bulges_of(part, x).some(row[wanted]))
     return known
 
 
@@ -102,8 +94,8 @@ def bulges_of_the_start(own, x, origin, old):
         own, nodes=nodes, facets=facets, neighbour=neighbours(facets),
         facet_area=own.facet_area[old], mirror=own.mirror[old],
     )  # fmt: skip
-    before, found = bulges_of(whole, x[own.facets[old].ravel()[one]]), no_bulges(own)
-    found.bulge[old], found.curvature[old] = before.bulge, before.curvature
+    found = no_bulges(own)
+    found.put(old, bulges_of(whole, x[own.facets[old].ravel()[one]]))
     return found
 
 
@@ -162,7 +154,21 @@ def bulges_of(own, x):
     mean = np.bincount(group.ravel(), np.repeat(own.facet_area * q.sum(axis=1) / 12, 3), count)
     mean[at_sharp[node]] = 0.0
     curvature = [*_curvature(q, to_next, to_last), 0.5 * _curvature(bent, to_next, to_last)[1]]
-    return Bulges(np.hstack([q, (mean / weight)[group]]), np.stack(curvature, axis=1))
+    o = (mean / weight)[group]
+    slope = _steepest(q, o, to_next[:, 0], -to_next[:, 2])
+    return Bulges(np.hstack([q, o]), np.stack(curvature, axis=1), slope)
+
+
+def _steepest(q, o, u, v):
+    """Largest slope over facets with edges ``u`` and ``v`` from their first corner, (num,)."""
+    uu, vv, uv = (np.einsum("fi,fi->f", *of) for of in ((u, u), (v, v), (u, v)))
+    largest = np.zeros(len(q))
+    for w in np.eye(3):
+        by = q * np.roll(w, -1) + np.roll(q * w, 1, axis=1) - o
+        b, c = by[:, 1] - by[:, 0], by[:, 2] - by[:, 0]
+        square = (b * b * vv - 2 * b * c * uv + c * c * uu) / (uu * vv - uv * uv)
+        np.maximum(largest, square, out=largest)
+    return np.sqrt(largest)
 
 
 def _rises(normals, to_next):

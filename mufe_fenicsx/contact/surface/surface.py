@@ -57,8 +57,10 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
         on_mirror, mirror_normal = np.zeros((len(x), 0), dtype=bool), np.zeros((0, 3))
     outside = ~on_mirror[mesh.facets].all(axis=1).any(axis=1)
     of_mesh, local_grain = mesh.facets[outside], mesh.grain_of_facet[outside]
-    nodes, facets = np.unique(of_mesh, return_inverse=True)
-    facets = facets.reshape(-1, 3).astype(np.int32)
+    on_surface = np.zeros(mesh.num_nodes, dtype=bool)
+    on_surface[of_mesh] = True
+    nodes = np.flatnonzero(on_surface)
+    facets = (np.cumsum(on_surface, dtype=np.int32) - np.int32(1))[of_mesh]
     a, b, c = (x[of_mesh[:, i]] for i in range(3))
     facet_area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     area = np.bincount(facets.ravel(), np.repeat(facet_area / 3, 3), nodes.size)
