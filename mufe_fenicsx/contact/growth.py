@@ -8,9 +8,8 @@ crack is sharp until this goes on: what it remembers is lost where it carries no
 
 import numpy as np
 
+from ..kernels.build.pair_rows import PAIR
 from ..kernels.geometry.topology import rows_of
-from .pairs.facet_pairs import Pairs
-from .pairs.wall_pairs import WallPairs
 from .search import put_away
 from .stiffness.layers import DENTS
 
@@ -36,8 +35,9 @@ def carry_contact(old, new, source):
     for name in DENTS:
         getattr(new.layers, name)[there] = getattr(old.layers, name)[here]
     new.edges.slip[:] = np.where(numbers.old_node < 0, 0.0, edges.slip[numbers.old_node])
-    new.pairs = _pairs(old, new, numbers)
-    new.walls.pairs = _wall_pairs(old, new, numbers)
+    _renumber_pairs(old.pairs, numbers, done.num_grains)
+    _renumber_wall_pairs(old.walls.pairs, numbers)
+    new.pairs, new.walls.pairs = old.pairs, old.walls.pairs
     facet, place = np.divmod(edges.edges.key, 3)
     new.edges.pairs = edges.pairs
     new.edges.past = edges.pairs, edges.keys(3 * numbers.of_facets(facet) + place)
@@ -83,40 +83,28 @@ class _Numbers:
         return facets + np.searchsorted(self._places, facets, side="right")
 
 
-def _pairs(old, new, numbers):
-    """Pairs of points and bodies, without candidates. Local."""
-    p, facet = old.pairs, numbers.of_facets(old.pairs.some_facet)
-    node, body, (changed, bodies) = numbers.point[p.node], p.body.copy(), numbers.bodies
+def _renumber_pairs(pairs, numbers, num_grains):
+    """Give pairs of points and bodies the numbers of now. Local."""
+    facet, (changed, bodies) = numbers.of_facets(pairs.some_facet), numbers.bodies
     # That of the closest facet: where a body has parted since others may be of another one.
     row = rows_of(changed, facet)
-    body[row >= 0] = bodies[row[row >= 0]]
+    pairs.body[row >= 0] = bodies[row[row >= 0]]
+    node = numbers.point[pairs.node]
     rows = np.flatnonzero(node >= 0)
-    rows = rows[np.lexsort((body[rows], node[rows]))]
-    none = np.empty(0, dtype=np.int64)
-    pairs = Pairs(
-        node[rows].astype(np.int32), body[rows], none, none, new.points,
-        new.dissipation.num_grains, new.motion.bound, p.yields,
-    )  # fmt: skip
-    pairs.closest_facet = np.where(p.closest_facet[rows] >= 0, facet[rows], -1)
-    _remember(pairs, p, rows)
-    return pairs
+    rows = rows[np.lexsort((pairs.body[rows], node[rows]))]
+    pairs.go_on(rows, node[rows])
+    PAIR.view(pairs.state, "node")[:] = pairs.node
+    pairs.body = pairs.body[rows]
+    pairs.grain = pairs.body % num_grains
+    pairs.closest_facet = np.where(pairs.closest_facet >= 0, facet, -1)[rows]
 
 
-def _wall_pairs(old, new, numbers):
-    """Pairs of points and walls. Local."""
-    p, points = old.walls.pairs, new.points
-    node = numbers.point[p.node]
+def _renumber_wall_pairs(pairs, numbers):
+    """Give pairs of points and walls the numbers of now. Local."""
+    node = numbers.point[pairs.node]
     rows = np.flatnonzero(node >= 0)
-    pairs = WallPairs(node[rows].astype(np.int32), p.wall[rows], points, new.motion.bound, p.yields)
-    pairs.stiffness[:] = points.area[pairs.node] / points.layer[pairs.node]
-    _remember(pairs, p, rows)
-    return pairs
-
-
-def _remember(pairs, old, rows):
-    for name in pairs.kept:
-        getattr(pairs, name)[:] = getattr(old, name)[rows]
-    pairs.motion_bounds.transfer(old.motion_bounds)
+    pairs.go_on(rows, node[rows])
+    pairs.wall = pairs.wall[rows]
 
 
 def beside(contact, nodes):
