@@ -57,19 +57,6 @@ class Rows:
             yield rows if self.times is None else np.repeat(rows, self.times[some], axis=0)
 
 
-def as_arrays(tables):
-    """Tables with their columns whole."""
-    return {
-        name: {
-            column: np.concatenate([values.values[:0], *values.blocks(BLOCK)])
-            if isinstance(values, Rows)
-            else values
-            for column, values in table.items()
-        }
-        for name, table in tables.items()
-    }
-
-
 class Names:
     """Names of what contact on this rank knows. Collective.
 

@@ -10,7 +10,7 @@ from mpi4py import MPI
 import mufe_fenicsx.mesh as mesh_module
 from mufe_fenicsx.bulk.far_nodes import names_of_nodes
 from mufe_fenicsx.bulk.tools import Tool
-from mufe_fenicsx.contact.snapshot import as_arrays, contact_tables
+from mufe_fenicsx.contact.snapshot import Rows, contact_tables
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.explicit.simulation import Simulation
@@ -56,6 +56,19 @@ def inside(x):
 def stretched(x, _):
     """Velocities that part the halves of the first cube and turn it."""
     return 1.5 * np.sin(2e3 * x + [1.0, 2.0, 3.0]) + np.cross([0.0, 300.0, 500.0], x)
+
+
+def as_arrays(tables):
+    """Tables with their columns whole."""
+    return {
+        name: {
+            column: np.concatenate([values.values[:0], *values.blocks(values.shape[0] + 1)])
+            if isinstance(values, Rows)
+            else values
+            for column, values in table.items()
+        }
+        for name, table in tables.items()
+    }
 
 
 def in_order(table):
