@@ -92,7 +92,7 @@ class Specimen(Stateful):
         self.rigid = RigidGrains(mesh, materials, solid.mass, mass_factor)
         if mass_factor is not None:
             solid.mass *= mass_factor
-        self.walls = Walls(walls)
+        self.walls = walls = Walls(walls)
         self.f = np.zeros((mesh.num_nodes, 3))
         self.state = initial_state(mesh.x, mesh.num_cells, before and before.state)
         settings = _settings_of_contact(contact).with_tools(mesh.first_tool, tools)
@@ -102,9 +102,7 @@ class Specimen(Stateful):
             tuple(material.yield_table() for material in materials),
             self.state.plastic_strain,
         )  # fmt: skip
-        self.contact = Contact(
-            mesh, mesh.x, self.walls, grains, settings, before and before.contact
-        )
+        self.contact = Contact(mesh, mesh.x, walls, grains, settings, before and before.contact)
         kinematic = self.contact.layers.kinematic
         self.glued = Glued(mesh, self.walls, self.contact.own.nodes)
         self.mirrors = Mirrors(

@@ -95,7 +95,6 @@ class Solid(ForceTerm):
         #: G of what keeps each element's own volume, shape (num_grains,).
         self.own = np.where(np.array(flows, dtype=bool), self.shear, 0.0)
         self.wave_speed = np.array([m.wave_speed for m in materials])
-        self.contact_modulus = np.array([m.contact_modulus for m in materials])
         self.parameters = _rows([m.parameters() for m in materials])
         self.largest_plastic_strain = np.array([m.largest_plastic_strain for m in materials])
         x = mesh.x
@@ -122,6 +121,11 @@ class Solid(ForceTerm):
         )
         self.hyperelastic = NeoHookeanGrains(self, [m.hyperelastic for m in materials])
         self.set_deforming(np.flatnonzero([not isinstance(m, Rigid | Auto) for m in materials]))
+
+    @property
+    def contact_modulus(self):
+        """E/(1 - nu²) of the grains [Pa], shape (num_grains,)."""
+        return np.array([m.contact_modulus for m in self.materials])
 
     @property
     def tangential_ratio(self):

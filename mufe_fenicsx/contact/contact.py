@@ -73,7 +73,8 @@ class Contact(Stateful):
         if before is None:
             of_grains = ~mesh.is_tool[mesh.grain_of_node]
             check_walls(self.comm, walls, x[of_grains] if mesh.tools else x, self.edge)
-        walls.begin(x[own.nodes], mesh.labels[own.grain_of_node], self.points, self.tools)
+        of_tools = _of_tools(own, self.points, self.first_tool)
+        walls.begin(x[own.nodes], mesh.labels[own.grain_of_node], self.points, of_tools)
         self.ghosts = Ghosts(self.comm, own.nodes, self.points)
         node_ratio = grains.tangential_ratio[mesh.grain_of_node[own.nodes]]
         # As of sharp vertices: edges that end a flat contact add nothing to it.
@@ -90,14 +91,6 @@ class Contact(Stateful):
         self.before_search = None
         if before is None:
             self.search(x)
-
-    @property
-    def tools(self):
-        """Which own nodes, and which points, are of tools; None where there are none."""
-        if self.first_tool is None:
-            return None
-        both = self.own.grain_of_node, self.points.grain_of_point
-        return tuple(grain >= self.first_tool for grain in both)
 
     @property
     def parts(self):
@@ -139,9 +132,10 @@ class Contact(Stateful):
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local."""
         factor = self.layers.set_time_step(dt)
+        surface, of_layers = self.surface, (self.pairs, self.walls.pairs)
         if factor != 1.0:
-            self.surface.layer_of_facet[:] *= factor
-            for pairs in (self.pairs, self.walls.pairs):
+            surface.layer_of_facet[:] *= factor
+            for pairs in of_layers:
                 pairs.stiffness /= factor
 
     def begin_step(self, x, moved=0.0, known=()):
@@ -264,3 +258,10 @@ class Contact(Stateful):
     def areas(self, pairs):
         """Parts of the contact area [m²] that the closed pairs ``pairs`` carry. Local."""
         return self.pairs.areas(pairs, self.points, self.surface)
+
+
+def _of_tools(own, points, first_tool):
+    """Which own nodes, and which points, are of tools; None where there are none."""
+    if first_tool is None:
+        return None
+    return own.grain_of_node >= first_tool, points.grain_of_point >= first_tool
