@@ -15,12 +15,12 @@ from petsc4py import PETSc  # noqa: F401  starts it, and with it its handlers of
 from .errors import raise_on_broken_pipes, raise_together
 from .kernels.geometry.topology import (
     body_defect,
-    boundary_facets,
+    boundary_sides,
     inner_facets,
+    nodes_of_sides,
     number_pieces,
     part_nodes,
     rows_of,
-    sides_of,
 )
 from .machine.notebook import html_table
 from .units import with_unit
@@ -82,10 +82,9 @@ class View(NamedTuple):
 
 
 class Source(NamedTuple):
-    """Rows that those of a grown mesh come from, in the mesh before."""
+    """Rows that those of a grown mesh come from, in the mesh before; rows of cells stay."""
 
     nodes: np.ndarray  #: old node of each node, shape (num_nodes,)
-    cells: np.ndarray  #: old row of each cell, which is its own, shape (num_cells,)
     facets: np.ndarray  #: old facet of each facet, -1 of those that opened, shape (num_facets,)
 
 
@@ -109,14 +108,15 @@ class GrainMesh:
     grain_of_node: np.ndarray  #: local grain of each node, int32, shape (num_nodes,)
     facets: np.ndarray  #: nodes of boundary facets, outward, int32, shape (num_facets, 3)
     grain_of_facet: np.ndarray  #: local grain of each facet, shape (num_facets,)
-    cell_of_facet: np.ndarray  #: row of ``cells`` beneath each facet, int32, shape (num_facets,)
+    #: Side of a cell that each facet is, 4 c + i across from corner i of cell c, increasing.
+    side_of_facet: np.ndarray
     cylinder: np.ndarray | None = None  #: that cut the grains: x, y, radius [m], shape (3,)
     sleeves: tuple[str, ...] = ()  #: names of bodies after the grains in ``labels``, around them
     tools: tuple[str, ...] = ()  #: names of the last of ``labels``, which are tools and no grains
     first_view: View | None = None  #: of version 0, whose communicator all versions have
     first_node: int = 0  #: number of this rank's first node among those of all ranks
-    #: Numbers by which nodes and cells of a grain are named; None: as they were given to ``view``.
-    given: tuple[np.ndarray, np.ndarray] | None = None
+    #: ``named_nodes`` and ``named_cells``; None: as they were given to ``view``.
+    named: tuple[np.ndarray, np.ndarray] | None = None
     version: int = 0  #: how often the mesh has grown, the same on all ranks
     source: Source | None = None  #: rows of the version before; None at version 0
     origin: np.ndarray | None = None  #: node of version 0 of each node, (num_nodes,); as source
@@ -250,6 +250,45 @@ class GrainMesh:
         return np.repeat(np.arange(self.num_grains, dtype=np.int32), np.diff(self.cell_offset))
 
     @cached_property
+    def cell_of_facet(self) -> np.ndarray:
+        """Row of ``cells`` beneath each facet, int32, shape (num_facets,)."""
+        return (self.side_of_facet // 4).astype(np.int32)
+
+    def sides_between(self, pairs: np.ndarray) -> np.ndarray:
+        """Sides of both cells that their facet is, which may have opened, shape (n, 2). Local.
+
+        Args:
+            pairs: Rows of the cells, shape (n, 2).
+        """
+        nodes = self.cells[pairs] if self.origin is None else self.origin[self.cells[pairs]]
+        shared = nodes[:, 0, :, None] == nodes[:, 1, None, :]
+        beyond = [np.argmin(shared.any(axis=axis), axis=1) for axis in (2, 1)]
+        return 4 * pairs + np.stack(beyond, axis=1)
+
+    @cached_property
+    def parted_grains(self) -> np.ndarray:
+        """Local grains in which nodes parted in the last growth, increasing."""
+        nodes = self.source.nodes
+        return np.unique(self.grain_of_node[np.bincount(nodes)[nodes] > 1]).astype(np.int64)
+
+    def near_parts(self, num_cells: int) -> np.ndarray:
+        """Whether each node parted in the last growth, or is so many cells away. Local."""
+        nodes = self.source.nodes
+        near = np.bincount(nodes)[nodes] > 1
+        rows = self.cells_of(self.parted_grains)
+        for _ in range(num_cells):
+            cells = self.cells[rows]
+            near[cells[near[cells].any(axis=1)]] = True
+        return near
+
+    @cached_property
+    def name_of_cell(self) -> np.ndarray:
+        """Place of each row of ``cells`` among :attr:`named_cells`, shape (num_cells,)."""
+        name = np.empty(self.num_cells, dtype=np.int64)
+        name[self.named_cells] = np.arange(self.num_cells)
+        return name
+
+    @cached_property
     def num_pieces(self) -> np.ndarray:
         """Pieces of each grain of this rank, shape (num_grains,)."""
         if self.piece_of_cell is None:
@@ -266,20 +305,18 @@ class GrainMesh:
     @cached_property
     def named_nodes(self) -> np.ndarray:
         """Nodes grain after grain, in each as they were given: an order that knows no ranks."""
-        if self.given is None:
-            given = np.empty(self.num_nodes, dtype=np.int64)
-            given[self.V.dofmap.list] = _given_nodes(self.mesh)
-        else:
-            given = self.given[0]
+        if self.named is not None:
+            return self.named[0]
+        given = np.empty(self.num_nodes, dtype=np.int64)
+        given[self.V.dofmap.list] = _given_nodes(self.mesh)
         return np.lexsort((given, self.grain_of_node)).astype(np.int32)
 
     @cached_property
     def named_cells(self) -> np.ndarray:
         """Rows of ``cells`` grain after grain, in each as they were given."""
-        if self.given is None:
-            given = self.mesh.topology.original_cell_index[self.cell_order]
-        else:
-            given = self.given[1]
+        if self.named is not None:
+            return self.named[1]
+        given = self.mesh.topology.original_cell_index[self.cell_order]
         return np.lexsort((given, self.grain_of_cell)).astype(np.int32)
 
     def cell_function(self, values: np.ndarray) -> fem.Function:
@@ -322,16 +359,23 @@ class GrainMesh:
         pairs, message = _pairs_of_cells(self, between)
         raise_together(self.comm, message)
         row = np.column_stack([pairs, np.full(len(pairs), self.version + 1)])
-        opened = np.concatenate([*self.opened, row])
-        name_of_cell = np.empty(self.num_cells, dtype=np.int64)
-        name_of_cell[self.named_cells] = np.arange(self.num_cells)
-        cells, parted = part_nodes(self.cells, opened[:, :2], pairs, name_of_cell)
+        opened = np.concatenate([self.all_opened, row])
+        rows = self.cells_of(np.unique(self.grain_of_cell[pairs[:, 0]]))
+        cells, parted = part_nodes(self.cells, rows, opened[:, :2], pairs, self.name_of_cell)
         if not self.comm.allreduce(parted.size):
             self.opened[:] = [opened]
             return self
-        name_of_node = np.empty(self.num_nodes, dtype=np.int64)
-        name_of_node[self.named_nodes] = np.arange(self.num_nodes)
-        return self._with_parted(cells, parted, (name_of_node, name_of_cell), opened)
+        return self._with_parted(cells, parted, opened)
+
+    @property
+    def all_opened(self) -> np.ndarray:
+        """The rows of :attr:`opened`, shape (num_opened, 3)."""
+        return np.concatenate([np.empty((0, 3), dtype=np.int64), *self.opened])
+
+    def cells_of(self, grains: np.ndarray) -> np.ndarray:
+        """Rows of ``cells`` of some local grains, one after another. Local."""
+        first, end = self.cell_offset[grains], self.cell_offset[grains + 1]
+        return np.concatenate([np.arange(0), *map(np.arange, first, end)])
 
     def in_pieces(self, holding: np.ndarray, before: "GrainMesh") -> "GrainMesh":
         """The same mesh with the pieces of now, which no node and no other hold joins. Collective.
@@ -343,45 +387,45 @@ class GrainMesh:
         Returns:
             It, with a ``source`` from ``before``; this mesh itself where no piece has come loose.
         """
-        opened = np.concatenate([np.empty((0, 3), dtype=np.int64), *self.opened])
         old = self.piece_of_cell
         if old is None:
             old = np.zeros(self.num_cells, dtype=np.int32)
-        name = np.empty(self.num_cells, dtype=np.int64)
-        broken = np.isin(self.grain_of_cell, self.grain_of_cell[opened[:, 0]])
-        if broken.any():
-            name[self.named_cells] = np.arange(self.num_cells)
-        piece = number_pieces(self.cells, old, self.grain_of_cell, name, broken, holding)
+        broken = np.unique(self.grain_of_cell[self.all_opened[:, 0]])
+        rows = self.named_cells[self.cells_of(broken)]
+        piece = number_pieces(self.cells, old, self.grain_of_cell, rows, holding)
         if not self.comm.allreduce(int((piece != old).any())):
             return self
-        source, rows = self.source, (self.num_nodes, self.num_cells, len(self.facets))
+        source = self.source
         if self is before:
-            source = Source(*map(np.arange, rows))
+            source = Source(np.arange(self.num_nodes), np.arange(len(self.facets)))
         return replace(self, piece_of_cell=piece if piece.any() else None, source=source)
 
-    def _with_parted(self, cells, parted, given, opened):
+    def _with_parted(self, cells, parted, opened):
         """The next version. Collective.
 
         Args:
             cells: New nodes of the cells: ``num_nodes`` + k where they have part k.
             parted: Old nodes of these parts, shape (num_parts,).
-            given: Names of old nodes and cells.
             opened: As the field of that name.
         """
-        num = self.num_nodes
+        num, named = self.num_nodes, self.named_nodes
+        name = np.empty(num, dtype=np.int64)
+        name[named] = np.arange(num)
         # Parts stand after the last node of their grain, by the name of their old node.
         last = np.maximum.reduceat(self.nodes, self.node_offset[:-1])
-        order = np.argsort(given[0][parted], kind="stable")
-        place = np.concatenate([np.arange(num), last[self.grain_of_node[parted[order]]]])
-        source = np.concatenate([np.arange(num), parted[order]])
-        by_place = np.argsort(place, kind="stable")
+        order = np.argsort(name[parted], kind="stable")
+        parts = parted[order]
+        after = last[self.grain_of_node[parts]]
+        source = np.insert(np.arange(num), after + 1, parts)
         new_number = np.empty(num + parted.size, dtype=np.int32)
-        new_number[np.concatenate([np.arange(num), num + order])[by_place]] = np.arange(place.size)
-        source, new_cells = source[by_place], new_number[cells]
+        new_number[:num] = np.arange(num) + np.searchsorted(np.sort(after), np.arange(num))
+        by_place = np.argsort(after, kind="stable")
+        new_number[num + order[by_place]] = after[by_place] + 1 + np.arange(parts.size)
         grain_of_node = self.grain_of_node[source]
         nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
-        facets, grain_of_facet, cell_of_facet = boundary_facets(new_cells, self.cell_offset)
-        name = np.concatenate([given[0], num + np.arange(parted.size)])[by_place]
+        new_cells = new_number[cells]
+        named_after = self.node_offset[1:][self.grain_of_node[parts]]
+        sides = self._sides_with(new_cells, opened)
         return replace(
             self,
             x=self.x[source],
@@ -389,23 +433,30 @@ class GrainMesh:
             nodes=nodes,
             node_offset=np.searchsorted(grain_of_node[nodes], np.arange(self.num_grains + 1)),
             grain_of_node=grain_of_node,
-            facets=facets,
-            grain_of_facet=grain_of_facet,
-            cell_of_facet=cell_of_facet,
+            facets=nodes_of_sides(new_cells, sides),
+            grain_of_facet=self.grain_of_cell[sides // 4],
+            side_of_facet=sides,
             first_node=self.comm.exscan(source.size) or 0,
-            given=(name, given[1]),
+            named=(
+                np.insert(new_number[named], named_after, new_number[num + order]),
+                self.named_cells,
+            ),
             version=self.version + 1,
             origin=source if self.origin is None else self.origin[source],
-            source=Source(
-                source,
-                np.arange(self.num_cells),
-                rows_of(
-                    sides_of(self.cells, self.facets, self.cell_of_facet),
-                    sides_of(new_cells, facets, cell_of_facet),
-                ),
-            ),
+            source=Source(source, rows_of(self.side_of_facet, sides)),
             opened=[opened],
         )
+
+    def _sides_with(self, cells, opened):
+        """Sides of cells that are facets once nodes have parted, increasing. Local.
+
+        Args:
+            cells: Their nodes afterwards, shape (num_cells, 4).
+            opened: As the field of that name.
+        """
+        one, other = cells[opened[:, :2]].transpose(1, 0, 2)
+        apart = (one[:, :, None] == other[:, None, :]).sum(axis=(1, 2)) != 3
+        return np.union1d(self.side_of_facet, self.sides_between(opened[apart, :2]))
 
 
 def create_grain_mesh(
@@ -456,7 +507,8 @@ def create_grain_mesh(
     nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
     node_offset = np.searchsorted(grain_of_node[nodes], np.arange(grains.size + 1))
 
-    facets, grain_of_facet, cell_of_facet = boundary_facets(dofs, cell_offset)
+    sides = boundary_sides(dofs, cell_offset)
+    facets, grain_of_facet = nodes_of_sides(dofs, sides), local_grain[sides // 4]
     _check_elements(comm, x, dofs, cell_offset, facets, grain_of_facet, np.asarray(labels)[grains])
     return GrainMesh(
         comm=domain.comm,
@@ -471,7 +523,7 @@ def create_grain_mesh(
         grain_of_node=grain_of_node,
         facets=facets,
         grain_of_facet=grain_of_facet,
-        cell_of_facet=cell_of_facet,
+        side_of_facet=sides,
         sleeves=tuple(sleeves),
         tools=tuple(tools),
         first_view=View(domain, V, cell_order, np.arange(len(x), dtype=np.int32)),

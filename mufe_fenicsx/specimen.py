@@ -49,6 +49,8 @@ class Specimen(Stateful):
         damping: Force -damping m v on every node [1/s]; time steps are at most one over it, and
             static increments have none.
         tools: All :class:`~mufe_fenicsx.bulk.tools.Tool`, in the order of those of the mesh.
+        before: The specimen of the mesh that this one has grown from, with the same options: what
+            is as it was is taken from there, and contact has no pairs yet. None: of the start.
         contact: Fields of :class:`~mufe_fenicsx.contact.settings.ContactSettings`, ``friction``
             among them.
 
@@ -79,19 +81,20 @@ class Specimen(Stateful):
         gravity=None,
         damping=0.0,
         tools=(),
+        before=None,
         **contact,
     ):
         self.mesh, self.comm = mesh, mesh.comm
         raise_together(self.comm, _what_is_wrong(mesh, materials, velocity, mass_factor))
         materials = [*materials, *tool_solids(self.comm, mesh, tools, materials)]
-        self.solid = solid = Solid(mesh, materials, element)
+        self.solid = solid = Solid(mesh, materials, element, before and before.solid)
         weighed = solid.mass.copy()
         self.rigid = RigidGrains(mesh, materials, solid.mass, mass_factor)
         if mass_factor is not None:
             solid.mass *= mass_factor
-        self.walls = Walls(walls)
+        self.walls = walls = Walls(walls)
         self.f = np.zeros((mesh.num_nodes, 3))
-        self.state = initial_state(mesh.x, mesh.num_cells)
+        self.state = initial_state(mesh.x, mesh.num_cells, before and before.state)
         settings = _settings_of_contact(contact).with_tools(mesh.first_tool, tools)
         grains = ContactGrains(
             solid.contact_modulus, solid.tangential_ratio, solid.mass,
@@ -99,7 +102,7 @@ class Specimen(Stateful):
             tuple(material.yield_table() for material in materials),
             self.state.plastic_strain,
         )  # fmt: skip
-        self.contact = Contact(mesh, mesh.x, self.walls, grains, settings)
+        self.contact = Contact(mesh, mesh.x, walls, grains, settings, before and before.contact)
         kinematic = self.contact.layers.kinematic
         self.glued = Glued(mesh, self.walls, self.contact.own.nodes)
         self.mirrors = Mirrors(

@@ -38,17 +38,15 @@ class Stateful:
     def grown(self, source, share):
         """What :meth:`state_dict` tells, with rows for a mesh that has grown. Local.
 
-        What is ``here`` is left out.
+        What is ``here`` is left out; rows of cells stay, in the arrays of now.
 
         Args:
             source: :class:`~mufe_fenicsx.mesh.Source` of the rows.
             share: Mass of each node over that of the node that it comes from, (num_nodes,).
         """
-        rows = {"nodes": source.nodes, "cells": source.cells}
         kept = {place: dict(of) for place, of in self.state_dict().items() if place != "here"}
-        for place in rows.keys() & kept.keys():
-            for name, values in kept[place].items():
-                kept[place][name] = values[rows[place]]
+        for name, values in kept.get("nodes", {}).items():
+            kept["nodes"][name] = values[source.nodes]
         for name in self.SHARED:
             values = kept["nodes"][name]
             kept["nodes"][name] = (values.T * share).T
@@ -60,7 +58,8 @@ class Stateful:
             for name, value in values.items():
                 now = getattr(self, name)
                 if isinstance(now, np.ndarray):
-                    now[...] = np.reshape(value, now.shape)
+                    if value is not now:
+                        now[...] = np.reshape(value, now.shape)
                 else:
                     single = isinstance(value, np.ndarray | np.generic)
                     value = value.item() if single else value
@@ -107,8 +106,19 @@ class State(Stateful):
     halfway: bool = False
 
 
-def initial_state(x, num_cells):
-    """At rest and without stress, at the positions ``x``, shape (num_nodes, 3)."""
+def initial_state(x, num_cells, before=None):
+    """At rest and without stress, at the positions ``x``, shape (num_nodes, 3).
+
+    ``before``: :class:`State` whose cells these are, with its arrays of them; None: none.
+    """
+    if before is None:
+        cells = {
+            "deviator": np.zeros((num_cells, 6)),
+            "plastic_strain": np.zeros(num_cells),
+            "plastic_work": np.zeros(num_cells),
+        }
+    else:
+        cells = before.state_dict()["cells"]
     return State(
         t=0.0,
         dt=0.0,
@@ -117,9 +127,7 @@ def initial_state(x, num_cells):
         u=np.zeros_like(x),
         v=np.zeros_like(x),
         a=np.zeros_like(x),
-        deviator=np.zeros((num_cells, 6)),
-        plastic_strain=np.zeros(num_cells),
-        plastic_work=np.zeros(num_cells),
+        **cells,
     )
 
 

@@ -28,15 +28,17 @@ class NeoHookeanGrains:
         """Those of ``grains`` that are none of these."""
         return grains[~np.isin(grains, self.grains)]
 
-    def add_forces(self, f, state):
-        """Subtract the internal forces at the positions of ``state``, whose stress follows.
+    def add_forces(self, f, state, grains):
+        """Subtract the internal forces of some ``grains`` at the positions of ``state``.
+
+        Its stress follows.
 
         Returns:
             An inverted element, or -1.
         """
         return self._solid.kernel(
             f, state.deviator, state.plastic_strain, state.plastic_work, state.x, state.v, 0.0,
-            self.grains, stretch=True,
+            grains, stretch=True,
         )  # fmt: skip
 
     def add_energy(self, energy, x):

@@ -25,30 +25,47 @@ ELEMENTS = {"averaged": AVERAGED, "p1": PLAIN}
 COLLAPSED = 0.02
 
 
-def lumped_mass(mesh, density, volume):
+def lumped_mass(mesh, density):
     """Nodal masses [kg] by row sums of the mass matrix, as a DOLFINx form. Collective.
-
-    Where the mesh has grown, parts of a node share its mass as the volume of the cells around it.
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         density: Densities of this rank's grains [kg/m³], shape (num_grains,).
+
+    Returns:
+        Masses of the nodes of version 0 of the mesh.
+    """
+    view = mesh.first_view
+    rho = fem.Function(fem.functionspace(view.mesh, ("DG", 0)))
+    rho.x.array[view.cell_order] = density[mesh.grain_of_cell]
+    test = ufl.TestFunction(view.V)
+    masses = compiled_form(rho * ufl.inner(ufl.as_vector((1.0, 1.0, 1.0)), test) * ufl.dx)
+    return fem.assemble_vector(masses).array.reshape(-1, 3)[:, 0].copy()
+
+
+def shared_mass(mesh, mass, volume):
+    """Nodal masses [kg] where parts of a node share its mass as the volume around each. Local.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        mass: Of the nodes of version 0 [kg].
         volume: Of the cells in their reference places [m³], shape (num_cells,).
 
     Returns:
         Masses, shape (num_nodes,).
     """
-    view, origin = mesh.first_view, mesh.origin
-    rho = fem.Function(fem.functionspace(view.mesh, ("DG", 0)))
-    rho.x.array[view.cell_order] = density[mesh.grain_of_cell]
-    test = ufl.TestFunction(view.V)
-    masses = compiled_form(rho * ufl.inner(ufl.as_vector((1.0, 1.0, 1.0)), test) * ufl.dx)
-    mass = fem.assemble_vector(masses).array.reshape(-1, 3)[:, 0].copy()
+    origin = mesh.origin
     if origin is None:
-        return mass
-    nodes, of_corner = mesh.cells.ravel(), np.repeat(volume, 4)
-    before = np.bincount(origin[nodes], of_corner, mass.size)
-    return mass[origin] * (np.bincount(nodes, of_corner, mesh.num_nodes) / before[origin])
+        return mass.copy()
+    parted = np.bincount(origin)[origin] > 1
+    rows = mesh.cells_of(np.unique(mesh.grain_of_node[parted]))
+    nodes, of_corner = mesh.cells[rows].ravel(), np.repeat(volume[rows], 4)
+    mine = parted[nodes]
+    nodes, of_corner = nodes[mine], of_corner[mine]
+    whole = np.bincount(origin[nodes], of_corner, mass.size)[origin[parted]]
+    shared = mass[origin]
+    shared[parted] *= np.bincount(nodes, of_corner, mesh.num_nodes)[parted] / whole
+    return shared
 
 
 class Solid(ForceTerm):
@@ -60,12 +77,13 @@ class Solid(ForceTerm):
             ``wave_speed``, ``contact_modulus``, ``plastic_increment``, ``parameters()``) for
             each grain of this rank.
         element: One of :data:`ELEMENTS`.
+        before: That of the mesh that this one has grown from; None: it has not grown.
 
     Raises:
         InputError: There is no such element, or there is no C compiler.
     """
 
-    def __init__(self, mesh, materials, element="averaged"):
+    def __init__(self, mesh, materials, element="averaged", before=None):
         self.mesh = mesh
         if not isinstance(element, str) or element not in ELEMENTS:
             raise InputError(f"element = {shown(element)}, expected one of {', '.join(ELEMENTS)}")
@@ -77,7 +95,6 @@ class Solid(ForceTerm):
         #: G of what keeps each element's own volume, shape (num_grains,).
         self.own = np.where(np.array(flows, dtype=bool), self.shear, 0.0)
         self.wave_speed = np.array([m.wave_speed for m in materials])
-        self.contact_modulus = np.array([m.contact_modulus for m in materials])
         self.parameters = _rows([m.parameters() for m in materials])
         self.largest_plastic_strain = np.array([m.largest_plastic_strain for m in materials])
         x = mesh.x
@@ -89,13 +106,26 @@ class Solid(ForceTerm):
             np.diff(mesh.node_offset), self.bulk, self.shear, self.own, self.parameters,
             self.pressure, ELEMENTS[element], x,
         )  # fmt: skip
-        self.mass = lumped_mass(mesh, np.array([m.rho for m in materials]), self.volume0)
+        #: Masses of the nodes of version 0 of the mesh [kg].
+        self.first_mass = (
+            lumped_mass(mesh, np.array([m.rho for m in materials]))
+            if before is None
+            else before.first_mass
+        )
+        self.mass = shared_mass(mesh, self.first_mass, self.volume0)
         self.inverted = -1  #: an element of this rank that turned inside out, or -1
         #: Grains that deform now or later, shape (num_deformable,).
         self.deformable = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
-        self.first_time_step = self.element_time_step(x)
+        self.first_time_step = (
+            self.element_time_step(x) if before is None else before.first_time_step
+        )
         self.hyperelastic = NeoHookeanGrains(self, [m.hyperelastic for m in materials])
         self.set_deforming(np.flatnonzero([not isinstance(m, Rigid | Auto) for m in materials]))
+
+    @property
+    def contact_modulus(self):
+        """E/(1 - nu²) of the grains [Pa], shape (num_grains,)."""
+        return np.array([m.contact_modulus for m in self.materials])
 
     @property
     def tangential_ratio(self):
@@ -129,21 +159,29 @@ class Solid(ForceTerm):
         if bad >= 0:
             self.inverted = bad
 
-    def add_internal_forces(self, f, state, dt):
+    def add_internal_forces(self, f, state, dt, among=None):
         """Advance the stress of ``state`` by ``dt`` and subtract the internal forces from ``f``.
+
+        Args:
+            f, state, dt: As of :meth:`begin_forces`.
+            among: Local grains, of which those that deform take part; None: all that deform.
 
         Returns:
             An inverted element, or -1. Local.
         """
         bad = -1
-        for increment, grains in self.laws:
+        laws, rubber = self.laws, self.hyperelastic.grains
+        if among is not None:
+            laws = [(law, grains[np.isin(grains, among)]) for law, grains in laws]
+            rubber = rubber[np.isin(rubber, among)]
+        for increment, grains in laws:
             found = self.kernel(
                 f, state.deviator, state.plastic_strain, state.plastic_work, state.x, state.v,
                 dt, grains, increment,
             )  # fmt: skip
             bad = max(bad, found)
-        if self.hyperelastic.grains.size:
-            bad = max(bad, self.hyperelastic.add_forces(f, state))
+        if rubber.size:
+            bad = max(bad, self.hyperelastic.add_forces(f, state, rubber))
         return bad
 
     def add_stiffness(self, y, q, x):
@@ -187,15 +225,17 @@ class Solid(ForceTerm):
         if not soft.any():
             return compliance
         some = ends[soft]
-        volume = self.kernel.node_volume0 if averaged else self.volume0
+        rows = m.cells_of(np.unique(m.grain_of_node[some[:, 0]]))
+        cells = m.cells[rows]
+        volume = self.kernel.node_volume0 if averaged else self.volume0[rows]
         place, places = np.full(m.num_nodes, -1), np.full(volume.size, -1)
         free = np.empty(m.num_nodes, np.int64)
-        offset, around = cells_around(m.cells, m.num_nodes)
-        n, num = largest_patch(place, free, some, m.cells, offset, around, averaged)
+        offset, around = cells_around(cells, m.num_nodes)
+        n, num = largest_patch(place, free, some, cells, offset, around, averaged)
         found, volumes = np.zeros(len(some)), np.empty(num, np.int64)
         add_edge_compliance(
             found, np.empty((3 * n, 3 * n)), np.empty((num, 3 * n)), free, place, places, volumes,
-            some, direction[soft], m.x, m.cells, offset, around, m.grain_of_cell, self.bulk,
+            some, direction[soft], m.x, cells, offset, around, m.grain_of_cell[rows], self.bulk,
             self.shear, volume, averaged,
         )  # fmt: skip
         compliance[soft] = found

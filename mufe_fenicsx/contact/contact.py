@@ -30,6 +30,8 @@ class Contact(Stateful):
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
         grains: :class:`~mufe_fenicsx.contact.settings.ContactGrains`.
         settings: :class:`~mufe_fenicsx.contact.settings.ContactSettings`.
+        before: The contact of the mesh that this one has grown from: no pairs are searched yet, and
+            what contact of the start cannot be is not looked for. None: of the start.
 
     Attributes:
         own, surface: This rank's surface, and with that of other ranks near it.
@@ -52,13 +54,15 @@ class Contact(Stateful):
 
     STATE = {"common": ("num_searches",)}
 
-    def __init__(self, mesh, x, walls, grains, settings):
+    def __init__(self, mesh, x, walls, grains, settings, before=None):
         self.comm, self.walls, self.self_contact = mesh.comm, walls, settings.self_contact
         self.own = own = own_surface(mesh, x, nodes_on_mirrors(x, walls.walls), walls.normal)
-        check_surface(mesh, own)
-        check_stiffness(mesh, grains.modulus)
+        if before is None:
+            check_surface(mesh, own)
+            check_stiffness(mesh, grains.modulus)
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
-        self.layers = SurfaceLayers(mesh, own, x, grains, settings)
+        known = None if before is None else before.layers.on(mesh, own, before.own)
+        self.layers = SurfaceLayers(mesh, own, x, grains, settings, known)
         self.points = self.layers.points
         #: The first of the bodies that are tools; None: there are none.
         self.first_tool = mesh.first_tool if mesh.tools else None
@@ -66,9 +70,11 @@ class Contact(Stateful):
         total = self.comm.allreduce(np.array([area.sum(), area.size]))
         self.edge = math.sqrt(4 / math.sqrt(3) * total[0] / total[1])
         self.motion = RelativeMotion(self.comm, mesh.grains, self.edge, x)
-        of_grains = ~mesh.is_tool[mesh.grain_of_node]
-        check_walls(self.comm, walls, x[of_grains] if mesh.tools else x, self.edge)
-        walls.glue(x[own.nodes], mesh.labels[own.grain_of_node])
+        if before is None:
+            of_grains = ~mesh.is_tool[mesh.grain_of_node]
+            check_walls(self.comm, walls, x[of_grains] if mesh.tools else x, self.edge)
+        of_tools = _of_tools(own, self.points, self.first_tool)
+        walls.begin(x[own.nodes], mesh.labels[own.grain_of_node], self.points, of_tools)
         self.ghosts = Ghosts(self.comm, own.nodes, self.points)
         node_ratio = grains.tangential_ratio[mesh.grain_of_node[own.nodes]]
         # As of sharp vertices: edges that end a flat contact add nothing to it.
@@ -83,7 +89,8 @@ class Contact(Stateful):
         self.any_pair = False
         #: Called before each search; afterwards all positions are those of this moment.
         self.before_search = None
-        self.search(x)
+        if before is None:
+            self.search(x)
 
     @property
     def parts(self):
@@ -124,7 +131,12 @@ class Contact(Stateful):
 
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local."""
-        self.layers.set_time_step(dt, self.surface, self.pairs, self.walls.pairs)
+        factor = self.layers.set_time_step(dt)
+        surface, of_layers = self.surface, (self.pairs, self.walls.pairs)
+        if factor != 1.0:
+            surface.layer_of_facet[:] *= factor
+            for pairs in of_layers:
+                pairs.stiffness /= factor
 
     def begin_step(self, x, moved=0.0, known=()):
         """Begin a step to the positions ``x``, which :meth:`add_forces` ends. Collective.
@@ -246,3 +258,10 @@ class Contact(Stateful):
     def areas(self, pairs):
         """Parts of the contact area [m²] that the closed pairs ``pairs`` carry. Local."""
         return self.pairs.areas(pairs, self.points, self.surface)
+
+
+def _of_tools(own, points, first_tool):
+    """Which own nodes, and which points, are of tools; None where there are none."""
+    if first_tool is None:
+        return None
+    return own.grain_of_node >= first_tool, points.grain_of_point >= first_tool

@@ -40,10 +40,10 @@ class CurvedWalls(Stateful):
 
         Args:
             walls: List of :class:`~.walls.Wall`.
-            x, nodes, corner: As of :meth:`~.walls.Walls.search`.
+            x: Of points of contact [m], shape (num_points, 3).
+            nodes: Of surface nodes [m], shape (num_nodes, 3).
+            corner: Own surface nodes around each point, shape (num_points, 3).
         """
-        if not self.any:
-            return
         self._sag = np.full((len(x), len(walls)), np.nan)
         edge = np.linalg.norm(nodes[corner[:, 1]] - nodes[corner[:, 0]], axis=1)
         for w in np.flatnonzero(self.side):

@@ -1,56 +1,110 @@
 """What contact remembers, on the surface of a mesh that has grown.
 
-Growth numbers surface nodes anew and adds facets. Sides of cells that were facets before still are:
-by their corners facets, vertices and edges get their new names. Facets that opened remember
-nothing. A vertex at the front of a crack is sharp until this goes on: what it remembers is lost
-where it carries no contact any more.
+Growth numbers surface nodes anew and adds facets; sides of cells that were facets before still are.
+So points and facets of before get their new numbers, by which the next search finds the pairs again
+as it does after any other search. Facets that opened remember nothing. A vertex at the front of a
+crack is sharp until this goes on: what it remembers is lost where it carries no contact any more.
 """
 
 import numpy as np
 
-from ..kernels.geometry.topology import sides_of
-from .snapshot import Names, as_arrays, contact_tables, joined, look_up, restore_contact
+from ..kernels.build.pair_rows import PAIR
+from ..kernels.geometry.topology import rows_of
+from .search import put_away
+from .stiffness.layers import DENTS
 
 
-def carry_contact(old, old_mesh, new, mesh, x):
+def carry_contact(old, new, source):
     """Make the contact of a grown mesh remember what that of the mesh before does. Collective.
 
-    Args:
-        old, old_mesh: :class:`~mufe_fenicsx.contact.contact.Contact` and mesh before.
-        new, mesh: Those of after; the ``motion`` of the former is that of before.
-        x: Present positions of the nodes of ``mesh`` [m], shape (num_nodes, 3).
-    """
-    tables = as_arrays(contact_tables(old, old_mesh))
-    names, new_names = Names(old, old_mesh), Names(new, mesh)
-    own, facets = new.own, old.own.facets
-    kept = np.searchsorted(_sides(new, mesh), _sides(old, old_mesh))
-    of_ranks = mesh.comm.allgather(
-        (old.own.grain_of_facet, names.node[facets], new_names.node[own.facets[kept]])
-    )
-    grain, *corners = (np.concatenate(part) for part in zip(*of_ranks, strict=True))
-    changed = np.isin(grain, grain[(corners[0] != corners[1]).any(axis=1)])
-    grain, before, now = (of[changed] for of in (grain, *corners))
-    order = np.lexsort((joined(before), grain))  # which no ranks know
-    rename = _Renaming(grain[order], before[order], now[order])
+    Its pairs are those for its next search to find again.
 
-    everything_moves = old.ghosts.moving is None
-    tables["surface"] = _surface(old, old_mesh, new, mesh, new_names.order, x)
-    table = tables["facets"]
-    table["facet"] = rename.facets(table["grain"], table["facet"])
-    partner = np.repeat(tables["pairs"]["partner"], tables["pairs"]["count"])
-    table = tables["candidates"]
-    table["facet"] = rename.facets(partner, table["facet"])
-    for name in ("points", "pairs", "wall_pairs"):
-        table = tables[name]
-        table["point"] = rename.points(table["grain"], table["point"])
-        known = new_names.find_points(table)[1]
-        tables[name] = _some(table, known)
-        if name == "pairs":
-            tables["candidates"] = _some(tables["candidates"], np.repeat(known, table["count"]))
-    table = tables["edge_pairs"]
-    table["first"] = rename.edges(table["grain"], table["first"])
-    table["second"] = rename.edges(table["partner"], table["second"])
-    restore_contact(new, mesh, tables, everything_moves, grown=True)
+    Args:
+        old: :class:`~mufe_fenicsx.contact.contact.Contact` before; of no use afterwards.
+        new: That of after, which has what steps change beside pairs and points already.
+        source: :class:`~mufe_fenicsx.mesh.Source` of the mesh after.
+    """
+    put_away(old)
+    numbers, done, edges = _Numbers(old, new, source), old.dissipation, old.edges
+    done.close(old.pairs, old.walls.pairs, edges.pairs)
+    for name in ("grain", "partner", "work"):
+        setattr(new.dissipation, name, getattr(done, name))
+    here = np.flatnonzero(numbers.point >= 0)
+    there = numbers.point[here]
+    new.dissipation.slip_of_dropped[there] = done.slip_of_dropped[here]
+    for name in DENTS:
+        getattr(new.layers, name)[there] = getattr(old.layers, name)[here]
+    new.edges.slip[:] = np.where(numbers.old_node < 0, 0.0, edges.slip[numbers.old_node])
+    _renumber_pairs(old.pairs, numbers, done.num_grains)
+    _renumber_wall_pairs(old.walls.pairs, numbers)
+    new.pairs, new.walls.pairs = old.pairs, old.walls.pairs
+    facet, place = np.divmod(edges.edges.key, 3)
+    new.edges.pairs = edges.pairs
+    new.edges.past = edges.pairs, edges.keys(3 * numbers.of_facets(facet) + place)
+
+
+class _Numbers:
+    """New numbers of what was on a surface before it grew. Collective.
+
+    Args:
+        old, new, source: As of :func:`carry_contact`.
+
+    Attributes:
+        point: Of old points of contact, -1 where they are none any more, shape (num_old_points,).
+        old_node: Own surface node that each is a part of, -1 of one from inside, (num_nodes,).
+        bodies: Facets of all ranks whose bodies have new numbers, by their new numbers, increasing,
+            and these bodies, each of shape (num_changed,).
+    """
+
+    def __init__(self, old, new, source):
+        before, now, first = old.own, new.own, int(old.surface.global_facet[0])
+        facet = np.searchsorted(now.side, before.side)
+        inside = now.side[rows_of(before.side, now.side) < 0]
+        places = old.comm.allgather(first + np.searchsorted(before.side, inside))
+        self._places = np.concatenate(places)  # old facets of all ranks that new ones come before
+        changed = np.flatnonzero(now.body_of_facet[facet] != before.body_of_facet)
+        bodies = self.of_facets(first + changed), now.body_of_facet[facet[changed]]
+        bodies = zip(*old.comm.allgather(bodies), strict=True)
+        self.bodies = tuple(np.concatenate(part) for part in bodies)
+        row = np.full(source.nodes.max() + 1, -1)
+        row[before.nodes] = np.arange(before.nodes.size)
+        self.old_node = row[source.nodes[now.nodes]]
+        keeps_name = np.empty(row.size, dtype=np.int64)
+        keeps_name[source.nodes[::-1]] = np.arange(source.nodes.size)[::-1]
+        vertices, num = new.points.corner[new.points.num_in_facets :, 0], len(old.points.rule)
+        place = np.full(source.nodes.size, -1)
+        place[now.nodes[vertices]] = new.points.num_in_facets + np.arange(vertices.size)
+        at_node = before.nodes[old.points.corner[old.points.num_in_facets :, 0]]
+        in_facets = (num * facet[:, None] + np.arange(num)).ravel()
+        self.point = np.concatenate([in_facets, place[keeps_name[at_node]]])
+
+    def of_facets(self, facets):
+        """New numbers over all ranks of facets from their old ones. Local."""
+        return facets + np.searchsorted(self._places, facets, side="right")
+
+
+def _renumber_pairs(pairs, numbers, num_grains):
+    """Give pairs of points and bodies the numbers of now. Local."""
+    facet, (changed, bodies) = numbers.of_facets(pairs.some_facet), numbers.bodies
+    # That of the closest facet: where a body has parted since others may be of another one.
+    row = rows_of(changed, facet)
+    pairs.body[row >= 0] = bodies[row[row >= 0]]
+    node = numbers.point[pairs.node]
+    rows = np.flatnonzero(node >= 0)
+    rows = rows[np.lexsort((pairs.body[rows], node[rows]))]
+    pairs.go_on(rows, node[rows])
+    PAIR.view(pairs.state, "node")[:] = pairs.node
+    pairs.body = pairs.body[rows]
+    pairs.grain = pairs.body % num_grains
+    pairs.closest_facet = np.where(pairs.closest_facet >= 0, facet, -1)[rows]
+
+
+def _renumber_wall_pairs(pairs, numbers):
+    """Give pairs of points and walls the numbers of now. Local."""
+    node = numbers.point[pairs.node]
+    rows = np.flatnonzero(node >= 0)
+    pairs.go_on(rows, node[rows])
+    pairs.wall = pairs.wall[rows]
 
 
 def beside(contact, nodes):
@@ -77,79 +131,3 @@ def beside(contact, nodes):
         of_pairs |= np.logical_or.reduceat(near, p.first[:-1])
     ends = at_edge[edges.pairs.first] | at_edge[edges.pairs.second]
     return of_pairs, at_point[contact.walls.pairs.node], ends
-
-
-def _some(table, rows):
-    return {name: values[rows] for name, values in table.items()}
-
-
-def _sides(contact, mesh):
-    """Numbers of the sides of cells that own facets are, increasing."""
-    own = contact.own
-    return sides_of(mesh.cells, own.nodes[own.facets], own.cell_of_facet)
-
-
-def _surface(old, old_mesh, new, mesh, order, x):
-    """Rows of own surface nodes. Those that were inside begin where they are."""
-    row = np.full(old_mesh.num_nodes, -1)
-    row[old.own.nodes] = np.arange(old.own.nodes.size)
-    row = row[mesh.source.nodes[new.own.nodes[order]]]
-    inside, here = row < 0, x[new.own.nodes[order]]
-    moving = np.zeros(old.own.nodes.size, dtype=bool)
-    moving[slice(None) if old.ghosts.moving is None else old.ghosts.moving] = True
-    return {
-        "grain": new.own.grain_of_node[order],
-        "searched": np.where(inside[:, None], here, old.searched[row]),
-        "previous": np.where(inside[:, None], here, old.ghosts.positions.own[row]),
-        "slip": np.where(inside, 0.0, old.edges.slip[row]),
-        "moving": inside | moving[row],
-    }
-
-
-class _Renaming:
-    """Names of before to names of now, of grains of all ranks; most keep theirs.
-
-    Args:
-        grain: Of facets whose corners have other numbers now, shape (n,).
-        before, now: Numbers of their corners among the surface nodes of the grain, shape (n, 3).
-    """
-
-    def __init__(self, grain, before, now):
-        self._facets = _Dictionary((grain, joined(before)), joined(now))
-        self._vertices = _Dictionary((np.repeat(grain, 3), before.ravel()), now.ravel())
-        self._edges = _Dictionary((np.tile(grain, 6), *_edges(before).T), _edges(now))
-
-    def facets(self, grain, facet):
-        """Names of facets of grains, shape (num,)."""
-        return self._facets((grain, facet), facet)
-
-    def points(self, grain, point):
-        """Names of points of contact: facets, or vertices as -1 - n, shape (num,)."""
-        vertex = -1 - self._vertices((grain, -1 - point), -1 - point)
-        return np.where(point < 0, vertex, self.facets(grain, point))
-
-    def edges(self, grain, ends):
-        """Numbers of the ends of edges, shape (num, 2)."""
-        return self._edges((grain, *ends.T), ends)
-
-
-def _edges(facets):
-    """Ends of the edges of facets, shape (6 n, 2): in both directions."""
-    a, b, c = facets.T
-    ends = (a, b), (b, c), (c, a), (b, a), (c, b), (a, c)
-    return np.concatenate([np.stack(of, axis=1) for of in ends])
-
-
-class _Dictionary:
-    """Values by tuples of integers; of tuples that are there twice the first one."""
-
-    def __init__(self, keys, values):
-        _, first = np.unique(np.stack(keys, axis=1), axis=0, return_index=True)
-        self._keys, self._values = tuple(key[first] for key in keys), values[first]
-
-    def __call__(self, keys, others):
-        """Values of keys, and of those that are not known ``others``."""
-        rows, known = look_up(self._keys, keys)
-        found = others.copy()
-        found[known] = self._values[rows[known]]
-        return found

@@ -27,14 +27,12 @@ def find_pairs(contact, x, ahead):
     reach = max(motion.skin, ahead) + 1.1 * contact.deepest()
     old, old_walls, old_edges = contact.pairs, walls.pairs, edges.pairs
     wait, num_grains = 0.0, contact.dissipation.num_grains
+    if contact.surface is not None:
+        put_away(contact)
     if old is not None:
-        # The kernels keep positions and forces of before.
-        old_walls.forces = old_edges.forces = None
         # Whether a node meets its own grain hangs on more than their distance.
         if not contact.self_contact:
             wait = min(motion.left, motion.longest)
-        edges.slip += new_slip(contact)
-        old.drop_candidates(contact.surface.global_facet)
         overlaps = np.zeros(num_grains)
     else:
         overlaps = depths_to_search(
@@ -47,6 +45,16 @@ def find_pairs(contact, x, ahead):
         contact.dissipation.change(old, contact.pairs, old_walls, walls.pairs, old_edges)
     motion.searched_at = motion.bound
     connect(contact)
+
+
+def put_away(contact):
+    """Keep of all pairs what the next search finds them again by. Collective."""
+    edges = contact.edges
+    # The kernels keep positions and forces of before.
+    contact.walls.pairs.forces = edges.pairs.forces = None
+    edges.slip += new_slip(contact)
+    edges.put_away()
+    contact.pairs.drop_candidates(contact.surface.global_facet)
 
 
 def exchange(contact, positions, reach, overlap=0.0):
@@ -110,16 +118,5 @@ def _search_edges_and_walls(contact, nodes, reach):
     of_nodes, of_points = x[ghosts.num_before :], x[: points.num_points]
     whole_reach = reach + motion.overlap
     contact.edges.search(of_nodes, len(nodes), contact.surface, whole_reach, motion.bound)
-    walls.search(
-        of_points, nodes, points, of_walls, motion.bound, contact.layers.strengths.any,
-        _tools(contact) if walls.pairs is None else None,
-    )  # fmt: skip
+    walls.search(of_points, points, of_walls, motion.bound, contact.layers.strengths.any)
     walls.near.enclose(contact.comm, walls, of_points, of_walls)
-
-
-def _tools(contact):
-    """Which own nodes, and which points, are of tools; None where there are none."""
-    if contact.first_tool is None:
-        return None
-    both = contact.own.grain_of_node, contact.points.grain_of_point
-    return tuple(grain >= contact.first_tool for grain in both)

@@ -57,19 +57,6 @@ class Rows:
             yield rows if self.times is None else np.repeat(rows, self.times[some], axis=0)
 
 
-def as_arrays(tables):
-    """Tables with their columns whole."""
-    return {
-        name: {
-            column: np.concatenate([values.values[:0], *values.blocks(BLOCK)])
-            if isinstance(values, Rows)
-            else values
-            for column, values in table.items()
-        }
-        for name, table in tables.items()
-    }
-
-
 class Names:
     """Names of what contact on this rank knows. Collective.
 
@@ -118,14 +105,10 @@ class Names:
             "part": self.part[rows],
         }
 
-    def find_points(self, table):
-        """Own points of contact that a table names, and whether they are there."""
-        known = (self.point_grain, self.point, self.part)
-        return look_up(known, (table["grain"], table["point"], table["part"]))
-
     def rows_of_points(self, table):
         """Own points of contact that a table names, all of which have to be there."""
-        return _all_known(*self.find_points(table), "point")
+        known = (self.point_grain, self.point, self.part)
+        return find_rows(known, (table["grain"], table["point"], table["part"]), "point")
 
 
 def look_up(known, wanted):
@@ -151,10 +134,7 @@ def find_rows(known, wanted, what):
     Raises:
         InputError: One is not known.
     """
-    return _all_known(*look_up(known, wanted), what)
-
-
-def _all_known(rows, there, what):
+    rows, there = look_up(known, wanted)
     missing = there.size - np.count_nonzero(there)
     if missing:
         raise InputError(
@@ -277,7 +257,7 @@ def wrong_number(tables, num_grains, num_walls):
     return None
 
 
-def restore_contact(contact, mesh, tables, everything_moves, grown=False):
+def restore_contact(contact, mesh, tables, everything_moves):
     """Make contact what it was. Collective.
 
     Args:
@@ -286,7 +266,6 @@ def restore_contact(contact, mesh, tables, everything_moves, grown=False):
         mesh: Its :class:`~mufe_fenicsx.mesh.GrainMesh`.
         tables: Of :func:`contact_tables`, with the rows of this rank's grains; emptied.
         everything_moves: Whether all surface nodes were followed then, on this rank.
-        grown: Whether crossings of edges that are not sharp any more are left out.
 
     Raises:
         InputError: The tables are not those of these grains; on one rank or more.
@@ -321,7 +300,7 @@ def restore_contact(contact, mesh, tables, everything_moves, grown=False):
     pairs.vertices[known], pairs.sharp[known] = ghosts.facets[facet], contact.edges.beside[facet]
     pairs.bulge[known] = contact.surface.bulge_of_facet[facet]
     walls.pairs = _wall_pairs(contact, names, tables.pop("wall_pairs"))
-    _set_edge_pairs(contact, names, tables.pop("edge_pairs"), grown)
+    _set_edge_pairs(contact, names, tables.pop("edge_pairs"))
 
     moving = np.empty(own.nodes.size, dtype=bool)
     moving[order] = surface["moving"]
@@ -381,22 +360,16 @@ def _wall_pairs(contact, names, table):
     return pairs
 
 
-def _set_edge_pairs(contact, names, table, grown):
+def _set_edge_pairs(contact, names, table):
     edges = contact.edges.edges
     ends = names.node[edges.ends]
     # The direction of an edge may depend on the number of ranks.
     grain = np.concatenate([edges.grain, edges.grain])
     known = (grain, *np.vstack([ends, ends[:, ::-1]]).T)
-    (first, known_first), (second, known_second) = (
-        look_up(known, (table[grain], *table[edge].T))
+    first, second = (
+        find_rows(known, (table[grain], *table[edge].T), "edge")
         for grain, edge in (("grain", "first"), ("partner", "second"))
     )
-    there = known_first & known_second
-    if grown:
-        table = {name: values[there] for name, values in table.items()}
-        first, second = first[there], second[there]
-    else:
-        _all_known(first, there, "edge")
     num = max(edges.grain.size, 1)
     first_edge, second_edge = (edge.astype(np.int32) % num for edge in (first, second))
     # Of two edges of a grain the one listed first comes first.

@@ -276,38 +276,37 @@ class Walls(Stateful):
         for i, speed in enumerate(speeds):
             self.set_speed(i, speed)
 
-    def glue(self, x, label):
-        """Find what bonded walls hold, before the first search. Local.
+    def begin(self, x, label, points, tools=None):
+        """Find what walls hold and what lies on them at the start. Local.
 
         Args:
-            x: Positions of this rank's surface nodes [m], shape (num_nodes, 3).
+            x: Reference positions of this rank's surface nodes [m], shape (num_nodes, 3).
             label: Labels of their grains, shape (num_nodes,).
+            points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
+            tools: Which nodes and which points are of tools, which pass through walls; None: none.
         """
         self.glued = find_glued(x, label, self.walls)
+        if tools is not None:
+            self.glued[tools[0]] = -1
+        held = self.glued[:, None] == np.arange(len(self.walls))
+        held |= nodes_on_mirrors(x, self.walls)
+        self._held = held[points.corner].all(axis=1)
+        if tools is not None:
+            self._held[tools[1]] = True
+        if self.curved.any:
+            places = points.places(x, np.arange(points.num_points))
+            self.curved.measure_sag(self.walls, places, x, points.corner)
 
-    def search(self, x, nodes, points, reach, bound, yields, tools=None):
+    def search(self, x, points, reach, bound, yields):
         """Find the points near each wall and transfer what their pairs remember. Local.
 
         Args:
             x: Positions of this rank's points of contact [m], shape (num_points, 3).
-            nodes: Positions of its surface nodes [m], shape (num_nodes, 3).
             points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
             reach: Largest gap [m].
             bound: Of all relative motion so far [m].
             yields: Whether some body of all ranks can yield.
-            tools: At the first search, which nodes and which points are of tools, which pass
-                through walls; None: none is.
         """
-        corner = points.corner
-        if self.pairs is None:
-            if tools is not None:
-                self.glued[tools[0]] = -1
-            held = self.glued[:, None] == np.arange(len(self.walls))
-            held |= nodes_on_mirrors(nodes, self.walls)
-            self._held = held[corner].all(axis=1)
-            if tools is not None:
-                self._held[tools[1]] = True
-            self.curved.measure_sag(self.walls, x, nodes, corner)
         node, wall = find_wall_candidates(
             x, self._held, self.point, self.normal, self.curved.radius, reach
         )

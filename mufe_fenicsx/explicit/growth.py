@@ -4,8 +4,6 @@ What follows from the mesh is made anew: masses, volumes, layers, lists of nodes
 has rows from those of before, through the ``state_dict`` of each part.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..contact.growth import beside, carry_contact
@@ -70,11 +68,13 @@ def carry_over(old, new):
     sp.terms.insert(0, new.contact_term)
     new.deform_all_but(old.mesh.grains[old.rigid.grains])
     share = new.solid.kernel.node_volume0 / old.solid.kernel.node_volume0[source.nodes]
-    before, inner_before = _energies(old), _internal_forces(old)[source.nodes]
-    inner_before *= share[:, None]
+    grains = new.mesh.parted_grains
+    parted = np.flatnonzero(np.isin(new.mesh.grain_of_node, grains))
+    before, inner_before = _energies(old), _internal_forces(old, grains)[source.nodes[parted]]
+    inner_before *= share[parted, None]
 
     sp.damping = old.damping
-    new.contact.set_time_step(old.contact.layers.step)
+    new.contact.layers.set_time_step(old.contact.layers.step)
     there = [term.name for term in sp.added_terms]
     moved = [term for term in old.specimen.added_terms if term.name not in there]
     for term in moved:
@@ -85,13 +85,13 @@ def carry_over(old, new):
     for name, part in old.parts.items():
         if name not in names:
             parts[name].load_state_dict(part.grown(source, share))
-    new.stable.set_mass(new.solid.mass)
-    carry_contact(old.contact, old.mesh, new.contact, new.mesh, new.state.x)
+    new.stable.follow_parts(new.solid.mass)
+    carry_contact(old.contact, new.contact, source)
 
     # Only around nodes with parts: else forces and accelerations keep their last bits.
-    inner = _internal_forces(new)
-    changed = (share != 1.0) | (inner != inner_before).any(axis=1)
-    sp.f += inner - inner_before
+    inner = _internal_forces(new, grains)[parted]
+    changed = parted[(share[parted] != 1.0) | (inner != inner_before).any(axis=1)]
+    sp.f[parted] += inner - inner_before
     for term in sp.added_terms:
         term.part(old.specimen, sp)
     sp.f[sp.glued.nodes] = 0.0
@@ -149,13 +149,15 @@ def _meet_anew(simulation, faces):
         table.next_check[~which] = wait[~which]
 
 
-def _internal_forces(simulation):
-    """Those of the grains on the nodes as they are [N], shape (num_nodes, 3). Local."""
-    s = simulation.state
-    f = np.zeros_like(s.x)
-    history = ("deviator", "plastic_strain", "plastic_work")
-    copies = {name: getattr(s, name).copy() for name in history}
-    simulation.solid.add_internal_forces(f, replace(s, **copies), 0.0)
+def _internal_forces(simulation, grains):
+    """Those of local grains on the nodes as they are [N], shape (num_nodes, 3). Local."""
+    s, offset = simulation.state, simulation.mesh.cell_offset
+    history = s.state_dict()["cells"].values()
+    parts = [values[offset[k] : offset[k + 1]] for values in history for k in grains]
+    f, kept = np.zeros_like(s.x), [part.copy() for part in parts]
+    simulation.solid.add_internal_forces(f, s, 0.0, grains)
+    for part, before in zip(parts, kept, strict=True):
+        part[:] = before
     return f
 
 

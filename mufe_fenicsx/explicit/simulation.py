@@ -77,11 +77,14 @@ class Simulation(OfSpecimen):
         self.update_time_step()
         specimen.initial_kinetic = self.kinetic_energy()
 
-    def _make(self, mesh, options):
-        """Make all that stands on a mesh, before any force is known. Collective."""
+    def _make(self, mesh, options, before=None):
+        """Make all that stands on a mesh, before any force is known. Collective.
+
+        ``before``: As of the specimen.
+        """
         materials, walls, assembled, time_step_factor, refresh, mass_scaling = self._made_of
         self._options = {name: value for name, value in options.items() if name != "velocity"}
-        specimen = Specimen(mesh, materials, walls, **options)
+        specimen = Specimen(mesh, materials, walls, before=before, **options)
         super().__init__(specimen)
         if specimen.any_rigid and not assembled:
             raise InputError('time step = by element, expected "assembled" for rigid grains')
@@ -238,7 +241,7 @@ class Simulation(OfSpecimen):
         if mesh is not self.mesh:
             grown = object.__new__(type(self))
             grown._made_of = self._made_of
-            grown._make(mesh, options_of(self._options, mesh))
+            grown._make(mesh, options_of(self._options, mesh), self.specimen)
             carry_over(self, grown)
             vars(self).update(vars(grown))
             self.update_time_step()

@@ -109,6 +109,31 @@ class StableStep(Stateful):
         self.element_step_then = math.inf  # that of the tets is to be found again
         shared.forget()
 
+    def follow_parts(self, mass):
+        """Go on where nodes have parted, with the state of before. Collective.
+
+        The frequency of the other grains is what it was: what is found is that of those.
+
+        Args:
+            mass: Nodal masses now [kg], shape (num_nodes,).
+        """
+        then, grains = self.element_step_then, self.specimen.mesh.parted_grains
+        self.set_mass(mass)
+        if not self.rows.are_nodes:
+            return
+        nodes = np.flatnonzero(np.isin(self.specimen.mesh.grain_of_node, grains))
+        from_all, to_all = np.zeros((2, len(mass), 3))
+
+        def add(y, q):
+            from_all[nodes], to_all[nodes] = q, 0.0
+            self.solid.kernel.add_stiffness(to_all, from_all, self.state.x, grains)
+            y += to_all[nodes]
+
+        of_parts = self.highest_of_tets.of(None)
+        of_parts.vector = self.highest_of_tets.vector
+        self.element_step_then = then
+        self.rate_of_tets = max(self.rate_of_tets, of_parts(nodes, add))
+
     def of_elements(self, own=None):
         """Bound from single elements [s]; what does not deform has one by contact alone.
 

@@ -56,7 +56,7 @@ def test_pieces_keep_their_numbers(holding, before, wanted):
     for name in (np.arange(6), np.arange(6)[::-1]):
         order = np.argsort(name)
         found = number_pieces(
-            cells[order], np.array(before, np.int32)[order], grain, name[order], grain == 0,
+            cells[order], np.array(before, np.int32)[order], grain, np.argsort(name[order]),
             np.argsort(order)[held],
         )  # fmt: skip
         assert len(np.unique(found)) == len(set(wanted))

@@ -275,12 +275,12 @@ def test_a_crossing_moves_on_along_a_ridge():
 
     for _ in range(20):
         pairs, on = move([0, 0, -(depth + 1e-4) / 20])
-    keys = {int(contact.edges.keys()[on[0]])}
+    keys = {int(contact.edges.keys(contact.edges.edges.key)[on[0]])}
     before, steps, way, k = contact.dissipation.total, 600, 1.5 / n, []
     softness = 1 / pairs.stiffness[on[0]] - between(pairs, on)[0]
     for _ in range(steps):
         pairs, on = move([way / steps, 0, 0])
-        keys.update(contact.edges.keys()[on].tolist())
+        keys.update(contact.edges.keys(contact.edges.edges.key)[on].tolist())
         # Rigid motion: the depth is kept to rounding of positions.
         assert pairs.gap[on] == pytest.approx(-depth, rel=1e-9)
         # Beside a node one fades out while the next one fades in.

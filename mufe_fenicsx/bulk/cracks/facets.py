@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ...kernels.cracks.cracks import FacetSearch
+from ...kernels.cracks.cracks import FacetSearch, least_beside
+from ...kernels.geometry.boxes import with_marked_vertex
 from ...kernels.geometry.topology import FACETS, inner_facets
 
 
@@ -64,7 +65,7 @@ class Facets:
         """Whether each facet has a node, as of the start, with some of them in common."""
         marked = np.zeros(self._first_nodes.max(initial=-1) + 1, dtype=bool)
         marked[self._first_nodes[which]] = True
-        return marked[self._first_nodes].any(axis=1)
+        return with_marked_vertex(self._first_nodes, marked)
 
     def rows_of(self, grain, name):
         """Rows of facets by their local grains and names, all of which there are."""
@@ -78,8 +79,7 @@ class Facets:
     def search(self, mesh, volume, strength, friction, near, softens, shear, averaged):
         """Search of facets to open, arrays as of :class:`.FacetSearch`."""
         weakest = np.full(mesh.num_cells, np.inf)
-        for side in self.across.T:
-            np.minimum.at(weakest, side, strength)
+        least_beside(weakest, self.across, strength)
         corner = np.ascontiguousarray(self.corners[:, 0])
         return FacetSearch(
             mesh.cells, volume, weakest, self.across, corner, strength, friction, near, softens,

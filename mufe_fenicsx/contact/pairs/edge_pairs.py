@@ -40,6 +40,8 @@ class EdgeContact:
         self.slip = np.zeros(ratio.size)  #: of own nodes in crossings, up to the last search [m]
         self.edges = None
         self.pairs = None
+        #: Pairs of the last search and their :meth:`keys`, by which the next one finds them again.
+        self.past = None
 
     def deepest(self):
         """Depth of the deepest closed pair [m]; local."""
@@ -57,15 +59,18 @@ class EdgeContact:
             reach: Distance [m], no less than the depth of the deepest pair.
             bound: Of all relative motion so far [m].
         """
-        old, old_keys = self.pairs, self.keys()
         self.list_edges(num_own, surface)
         first, second = _search(x, self.edges, reach)
         if self.first_tool is not None:  # the second is that of the higher number
             meet = self.edges.grain[first] < self.first_tool
             first, second = first[meet], second[meet]
         self.set_pairs(first, second, bound)
-        if old is not None:
-            self._transfer(old, old_keys)
+        if self.past is not None:
+            self._transfer(*self.past)
+
+    def put_away(self):
+        """Keep the pairs by their names, for the next search. Local."""
+        self.past = self.pairs, self.keys(self.edges.key)
 
     def list_edges(self, num_own, surface):
         """Find the sharp edges, arguments as of :meth:`search`. Local."""
@@ -78,16 +83,15 @@ class EdgeContact:
         """Make the pairs those of the edges ``first`` and ``second``, without any past. Local."""
         self.pairs = EdgePairs(first, second, self.edges, self.recess, bound, self.friction)
 
-    def keys(self):
-        """Numbers that name the pairs, shape (num_pairs,); None before the first search."""
-        if self.pairs is None:
-            return None
-        key = self.edges.key
+    def keys(self, key):
+        """Numbers that name the pairs, shape (num_pairs,), by those of the edges. Local."""
         return (key[self.pairs.first] << 31) | key[self.pairs.second]
 
     def _transfer(self, old, old_keys):
         new = self.pairs
-        _, at_old, at_new = np.intersect1d(old_keys, self.keys(), True, return_indices=True)
+        _, at_old, at_new = np.intersect1d(
+            old_keys, self.keys(self.edges.key), True, return_indices=True
+        )
         for name in new.row.kept:
             getattr(new, name)[at_new] = getattr(old, name)[at_old]
         new.slip[:] = new.work[:] = 0.0  # they are booked
@@ -170,7 +174,7 @@ class EdgePairs(RowTable):
         self.outside[:], self.place[:] = np.inf, 0.5
 
 
-def edge_compliances(own, x, of_mesh):
+def edge_compliances(own, x, of_mesh, known=None):
     """Relative compliance of the ends of sharp edges [m/N], shape (num_facets, 3). Local.
 
     It is along the bisector of both facets' normals, and stands in the facet of the lower number.
@@ -179,16 +183,21 @@ def edge_compliances(own, x, of_mesh):
         own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
         x: Reference positions of the mesh's nodes [m], shape (num_nodes, 3).
         of_mesh: Called as :meth:`~mufe_fenicsx.bulk.solid.Solid.edge_compliance`; None: zeros.
+        known: What is known of it, nan elsewhere, shape (num_facets, 3); None: nothing is.
     """
     if of_mesh is None or not own.sharp_edge.any():
         return np.broadcast_to(0.0, own.sharp_edge.shape)
     numbers = np.arange(len(own.facets))
     ends, _, sides, key = list_sharp_edges(own.facets, own.neighbour, numbers, own.sharp_edge)
+    found = np.zeros(own.sharp_edge.shape)
+    if known is not None:
+        found.ravel()[key] = known.ravel()[key]
+        unknown = np.isnan(known.ravel()[key])
+        ends, sides, key = ends[unknown], sides[unknown], key[unknown]
     a, b, c = np.moveaxis(x[own.nodes[own.facets[sides]]], 2, 0)
     normal = np.cross(b - a, c - a)
     bisector = (normal / np.linalg.norm(normal, axis=2, keepdims=True)).sum(axis=1)
     bisector /= np.linalg.norm(bisector, axis=1, keepdims=True)
-    found = np.zeros(own.sharp_edge.shape)
     found.ravel()[key] = of_mesh(own.nodes[ends], bisector)
     return found
 

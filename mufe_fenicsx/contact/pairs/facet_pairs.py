@@ -30,7 +30,9 @@ class Pairs(PairTable):
         self.closest = np.full(node.size, -1, dtype=np.int64)
         self.recess[:] = points.recess[node]
         PAIR.view(self.state, "node")[:] = node
-        self.closest_facet = None  #: numbers of the closest facets, once candidates are dropped
+        #: Numbers of the closest facets, -1 where not known, and of a facet of each body, once
+        #: candidates are dropped.
+        self.closest_facet = self.some_facet = None
 
     def bind(self, points, surface, ghosts, layers, friction, beside, grains, work):
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
@@ -79,9 +81,9 @@ class Pairs(PairTable):
             global_facet: Numbers over all ranks of the facets of this search.
         """
         known = self.closest >= 0
-        closest = np.full(self.closest.size, -1, dtype=np.int64)
-        closest[known] = global_facet[self.candidate[self.closest[known]]]
-        self.closest_facet = closest
+        some = np.where(known, self.closest, self.first[:-1])
+        self.some_facet = global_facet[self.candidate[some]]
+        self.closest_facet = np.where(known, self.some_facet, -1)
         self.forces = self.candidate = self.candidate_next_check = self.first = self.closest = None
 
     def transfer(self, old, global_facet, wait):

@@ -24,10 +24,13 @@ class RowTable(Stateful):
         self.row = row
         self.next_check = np.full(number, bound)
         self.state = row.rows(number)
-        for field in row.fields:
-            setattr(self, field.name, row.view(self.state, field.name))
+        self._name_fields()
         self.gap[:] = np.inf
         self.forces = None  #: of the kernels, once they are wanted
+
+    def _name_fields(self):
+        for field in self.row.fields:
+            setattr(self, field.name, self.row.view(self.state, field.name))
 
     @property
     def kept(self):
@@ -60,10 +63,29 @@ class PairTable(RowTable):
         super().__init__(row, node.size, bound)
         self.node, self.motion_bounds, self.yields = node, motion_bounds, yields
         self.dents = DENT.rows(node.size if yields else 0)
-        for field in DENT.fields if yields else ():
+        self._name_dents()
+
+    def _name_dents(self):
+        for field in DENT.fields if self.yields else ():
             setattr(self, field.name, DENT.view(self.dents, field.name))
-        if not yields:
-            self.dent = self.slope_left = np.zeros(node.size)
+        if not self.yields:
+            self.dent = self.slope_left = np.zeros(self.node.size)
+
+    def go_on(self, rows, node):
+        """Become the pairs ``rows`` of now, with other numbers of points, to be found again. Local.
+
+        Args:
+            rows: Shape (num,).
+            node: Their points, shape (num,).
+        """
+        if not np.array_equal(rows, np.arange(self.node.size)):
+            self.next_check, self.state = self.next_check[rows], self.state[rows]
+            self.motion_bounds.of = self.motion_bounds.of[rows]
+            if self.yields:
+                self.dents = self.dents[rows]
+            self._name_fields()
+        self.node = node.astype(np.int32)
+        self._name_dents()
 
     @property
     def kept(self):

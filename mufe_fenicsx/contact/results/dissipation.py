@@ -62,9 +62,15 @@ class Dissipation(Stateful):
         )
         return grain, partner, work
 
+    def close(self, *pairs):
+        """Take the work of pairs, arguments as of :meth:`totals`, into the accounts. Local."""
+        self.grain, self.partner, self.work = self.totals(*pairs)
+        for p in pairs:
+            p.work[:] = 0.0
+
     def change(self, old, new, old_walls, new_walls, old_crossings):
         """Close the accounts of the old pairs, and keep the slip of those that are dropped."""
-        self.grain, self.partner, self.work = self.totals(old, old_walls, old_crossings)
+        self.close(old, old_walls, old_crossings)
         for a, b, of in ((old, new, "body"), (old_walls, new_walls, "wall")):
             dropped = transfer_pairs(b.node, getattr(b, of), a.node, getattr(a, of)) < 0
             np.add.at(self.slip_of_dropped, a.node[dropped], a.slip[dropped])

@@ -1,15 +1,25 @@
 """How stiff this rank's surface is in contact: layers, depths, compliance of edges, strengths."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
 from ...kernels.build.pair_rows import POINT_DENT
+from ...kernels.geometry.boxes import grown_by
+from ...kernels.geometry.topology import rows_of
 from ...state import Stateful
 from ..laws import LAYERS, inertial_layers, largest_depths, replace_layers
 from ..pairs.edge_pairs import edge_compliances
-from ..surface.bulges import bulges_beside_cracks, bulges_of, highest, no_bulges
+from ..surface.bulges import (
+    Bulges,
+    bulges_beside_cracks,
+    bulges_of,
+    bulges_of_the_start,
+    highest,
+    no_bulges,
+)
 from ..surface.points import surface_points
 from .strength import Strengths
 
@@ -26,11 +36,12 @@ class SurfaceLayers(Stateful):
         x: Reference positions of its nodes [m], shape (num_nodes, 3).
         grains: :class:`~mufe_fenicsx.contact.settings.ContactGrains`.
         settings: :class:`~mufe_fenicsx.contact.settings.ContactSettings`.
+        known: What a surface that has grown has as before, :class:`Known`; None: nothing.
     """
 
     STATE = {"common": ("step",), "here": DENTS}
 
-    def __init__(self, mesh, own, x, grains, settings):
+    def __init__(self, mesh, own, x, grains, settings, known=None):
         self.kinematic = settings.kinematic
         self.step = 1.0  #: that kinematic layers are made for [s]
         layers = self._layers(mesh, own, grains, settings)
@@ -39,13 +50,15 @@ class SurfaceLayers(Stateful):
         self.depth_of_facet = depths[1]  #: part in the largest depth of pairs [m], (num_facets,)
         of_mesh = None if self.kinematic else grains.edge_compliance
         #: Of sharp edges, relative, of both ends [m/N], shape (num_facets, 3).
-        self.compliance_of_edge = edge_compliances(own, x, of_mesh)
+        self.compliance_of_edge = edge_compliances(own, x, of_mesh, known and known.compliance)
         faceted = self.kinematic or settings.points == "nodes"
         #: The smooth surface over the facets, :class:`~mufe_fenicsx.contact.surface.bulges.Bulges`.
-        self.smooth = no_bulges(own) if faceted else smooth_surface(mesh, own, x)
+        self.smooth = no_bulges(own)
+        if not faceted:
+            self.smooth = smooth_surface(mesh, own, x, known)
         #: By how much smooth surfaces bring facets nearer [m], and how much faster than points
         #: their gaps go at most, on all ranks.
-        self.rise, self.steepest = self._bounds(mesh.comm, own, x)
+        self.rise, self.steepest = self._bounds(mesh.comm)
         known = grains.plastic_strain is not None
         #: Plastic strain of the cells, shape (num_cells,); zeros where nothing is known.
         self.plastic_strain = grains.plastic_strain if known else np.zeros(mesh.num_cells)
@@ -63,9 +76,30 @@ class SurfaceLayers(Stateful):
         #: Tangential over normal stiffness of points, shape (num_points,).
         self.ratio = grains.tangential_ratio[self.points.local_grain]
 
-    def _bounds(self, comm, own, x):
+    def on(self, mesh, own, before):
+        """What the surface of a mesh that has grown has as this one. Local.
+
+        Args:
+            mesh: The :class:`~mufe_fenicsx.mesh.GrainMesh` that has grown.
+            own: Its :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
+            before: That of before.
+
+        Returns:
+            :class:`Known`.
+        """
+        facet = rows_of(before.side, own.side)
+        # The compliance of an edge is that of the cells around it and around these.
+        near, ends = mesh.near_parts(2)[own.nodes], own.facets
+        compliance = self.compliance_of_edge[facet]
+        compliance[near[ends] | near[np.roll(ends, -1, axis=1)]] = np.nan
+        marked = mesh.near_parts(0)[own.nodes]
+        marked[own.facets[facet < 0]] = True
+        changed = grown_by(own.facets, marked, 2)
+        return Known(compliance, self.smooth.some(facet), changed)
+
+    def _bounds(self, comm):
         """Fields ``rise`` and ``steepest``. Collective."""
-        slope = self.smooth.steepest(own.facets, x[own.nodes])
+        slope = self.smooth.slope.max(initial=0.0)
         most = np.array([2.0 * highest(self.smooth.bulge).max(initial=0.0), slope])
         comm.Allreduce(MPI.IN_PLACE, most, op=MPI.MAX)
         return float(most[0]), math.hypot(1.0, most[1])
@@ -81,22 +115,19 @@ class SurfaceLayers(Stateful):
             replace_layers(mesh, own, layers, grains.rigid_layer)
         return layers
 
-    def set_time_step(self, dt, surface, *of_pairs):
+    def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local.
 
-        Args:
-            dt: Length of a step [s].
-            surface: :class:`~mufe_fenicsx.contact.surface.exchange.Surface` with a copy of them.
-            of_pairs: Pairs with facets and with walls, whose stiffness follows.
+        Returns:
+            Their compliance now over that of before, 1 of other layers.
         """
-        if self.kinematic and dt != self.step:
-            factor = (dt / self.step) ** 2
-            self.step = dt
-            self.points.layer[:] *= factor
-            self.of_facet *= factor
-            surface.layer_of_facet[:] *= factor
-            for pairs in of_pairs:
-                pairs.stiffness /= factor
+        if not self.kinematic or dt == self.step:
+            return 1.0
+        factor = (dt / self.step) ** 2
+        self.step = dt
+        self.points.layer[:] *= factor
+        self.of_facet *= factor
+        return factor
 
     @property
     def ahead(self):
@@ -104,8 +135,24 @@ class SurfaceLayers(Stateful):
         return self.step if self.kinematic else 0.0
 
 
-def smooth_surface(mesh, own, x):
-    """The smooth surface over own facets, with cracks or without. Local."""
+class Known(NamedTuple):
+    """What own facets have as before a growth."""
+
+    compliance: np.ndarray  #: as :attr:`SurfaceLayers.compliance_of_edge`, nan where it may differ
+    smooth: Bulges  #: as :attr:`SurfaceLayers.smooth`
+    changed: np.ndarray  #: whether that of facets of cracks may differ, shape (num_facets,)
+
+
+def smooth_surface(mesh, own, x, known=None):
+    """The smooth surface over own facets, with cracks or without. Local.
+
+    Args:
+        mesh, own, x, known: As of :class:`SurfaceLayers`.
+    """
     if mesh.origin is None:
         return bulges_of(own, x[own.nodes])
-    return bulges_beside_cracks(own, x[own.nodes], mesh.origin[own.nodes])
+    cracks = np.isin(own.side, mesh.sides_between(mesh.all_opened[:, :2]))
+    if known is None:
+        smooth = bulges_of_the_start(own, x[own.nodes], mesh.origin[own.nodes], ~cracks)
+        return bulges_beside_cracks(own, x[own.nodes], smooth, cracks)
+    return bulges_beside_cracks(own, x[own.nodes], known.smooth, cracks & known.changed)

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...kernels.geometry.boxes import grown_by
 from .surface import SHARP_EDGE, neighbours
 
 #: As in kernels/contact/pairs.h.
@@ -34,53 +35,67 @@ class Bulges:
     #: Determinant [1/m²] and trace [1/m] of the curvature, of a convex surface positive; and the
     #: mean curvature [1/m] across sharp edges too,
     curvature: np.ndarray  #: shape (num_facets, 3)
+    slope: np.ndarray  #: against the facets, at most, shape (num_facets,)
 
-    def steepest(self, facets, x):
-        """Slope of the surface against its facets at most. Local.
+    def some(self, rows):
+        """Those of the facets ``rows``. Local."""
+        return Bulges(self.bulge[rows], self.curvature[rows], self.slope[rows])
 
-        Args:
-            facets, x: Of :func:`bulges_of`.
-        """
-        q, o = self.bulge[:, :3], self.bulge[:, 3:]
-        u, v = x[facets[:, 1]] - x[facets[:, 0]], x[facets[:, 2]] - x[facets[:, 0]]
-        uu, vv, uv = (np.einsum("fi,fi->f", *of) for of in ((u, u), (v, v), (u, v)))
-        largest = 0.0
-        for w in np.eye(3):
-            by = q * np.roll(w, -1) + np.roll(q * w, 1, axis=1) - o
-            b, c = by[:, 1] - by[:, 0], by[:, 2] - by[:, 0]
-            square = (b * b * vv - 2 * b * c * uv + c * c * uu) / (uu * vv - uv * uv)
-            largest = max(largest, float(square.max(initial=0.0)))
-        return float(np.sqrt(largest))
+    def put(self, rows, found):
+        """Take those that are ``found`` for the facets ``rows``. Local."""
+        self.bulge[rows], self.curvature[rows] = found.bulge, found.curvature
+        self.slope[rows] = found.slope
 
 
 def no_bulges(own):
     """Facets that are what they are: no smooth surface over them. Local."""
-    return Bulges(np.zeros((len(own.facets), 6)), np.zeros((len(own.facets), 3)))
+    num = len(own.facets)
+    return Bulges(np.zeros((num, 6)), np.zeros((num, 3)), np.zeros(num))
 
 
-def bulges_beside_cracks(own, x, origin):
+def bulges_beside_cracks(own, x, known, wanted):
     """The smooth surface over own facets, of which cracks have cut some. Local.
 
     Facets that were surface at the start stay as curved as they were: a body does not move where it
-    is cut. Those of a crack, two with the same nodes at the start, are as flat as they lie.
+    is cut. Those of a crack are as flat as they lie.
+
+    Args:
+        own, x: As of :func:`bulges_of`.
+        known: :class:`Bulges` of all facets but those that are ``wanted``; changed in place.
+        wanted: Whether the bulge of a facet of a crack is to be found, shape (num_facets,).
+    """
+    # A bulge hangs on the facets around its nodes, and on those around the nodes of these.
+    marked = np.zeros(len(own.nodes), bool)
+    marked[own.facets[wanted]] = True
+    rows = np.flatnonzero(grown_by(own.facets, marked, 2))
+    row = np.full(len(own.facets) + 1, -1)  # the last one is that of no neighbour
+    row[rows] = np.arange(rows.size)
+    part = replace(
+        own, facets=own.facets[rows], neighbour=row[own.neighbour[rows]],
+        facet_area=own.facet_area[rows], mirror=own.mirror[rows],
+    )  # fmt: skip
+    wanted = np.flatnonzero(wanted)
+    known.put(wanted, bulges_of(part, x).some(row[wanted]))
+    return known
+
+
+def bulges_of_the_start(own, x, origin, old):
+    """The smooth surface over facets that were surface at the start, none over others. Local.
 
     Args:
         own, x: As of :func:`bulges_of`.
         origin: Node at the start of each own surface node, shape (num_nodes,).
+        old: Whether a facet was surface then, shape (num_facets,).
     """
-    found, names = bulges_of(own, x), origin[own.facets]
-    _, same, count = np.unique(
-        np.sort(names, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    old = np.flatnonzero(count[same.reshape(-1)] == 1)
-    nodes, one, facets = np.unique(names[old], return_index=True, return_inverse=True)
+    names = origin[own.facets[old]]
+    nodes, one, facets = np.unique(names, return_index=True, return_inverse=True)
     facets = facets.reshape(-1, 3).astype(np.int32)
     whole = replace(
         own, nodes=nodes, facets=facets, neighbour=neighbours(facets),
         facet_area=own.facet_area[old], mirror=own.mirror[old],
     )  # fmt: skip
-    before = bulges_of(whole, x[own.facets[old].ravel()[one]])
-    found.bulge[old], found.curvature[old] = before.bulge, before.curvature
+    found = no_bulges(own)
+    found.put(old, bulges_of(whole, x[own.facets[old].ravel()[one]]))
     return found
 
 
@@ -139,7 +154,21 @@ def bulges_of(own, x):
     mean = np.bincount(group.ravel(), np.repeat(own.facet_area * q.sum(axis=1) / 12, 3), count)
     mean[at_sharp[node]] = 0.0
     curvature = [*_curvature(q, to_next, to_last), 0.5 * _curvature(bent, to_next, to_last)[1]]
-    return Bulges(np.hstack([q, (mean / weight)[group]]), np.stack(curvature, axis=1))
+    o = (mean / weight)[group]
+    slope = _steepest(q, o, to_next[:, 0], -to_next[:, 2])
+    return Bulges(np.hstack([q, o]), np.stack(curvature, axis=1), slope)
+
+
+def _steepest(q, o, u, v):
+    """Largest slope over facets with edges ``u`` and ``v`` from their first corner, (num,)."""
+    uu, vv, uv = (np.einsum("fi,fi->f", *of) for of in ((u, u), (v, v), (u, v)))
+    largest = np.zeros(len(q))
+    for w in np.eye(3):
+        by = q * np.roll(w, -1) + np.roll(q * w, 1, axis=1) - o
+        b, c = by[:, 1] - by[:, 0], by[:, 2] - by[:, 0]
+        square = (b * b * vv - 2 * b * c * uv + c * c * uu) / (uu * vv - uv * uv)
+        np.maximum(largest, square, out=largest)
+    return np.sqrt(largest)
 
 
 def _rises(normals, to_next):

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...kernels.contact.edge_search import sharp_edges
-from ...kernels.geometry.topology import sides_of
 
 #: Convex edges are sharp whose facets' normals differ by more than this angle [rad]. Where two
 #: edges of length h cross at their middles, a vertex is inside the other body from the depth
@@ -29,8 +28,7 @@ class OwnSurface:
     #: Bodies, int32: grain + number of all grains * piece; where none is in pieces, the grains.
     body_of_node: np.ndarray
     body_of_facet: np.ndarray
-    #: Sides of cells that facets are (kernels.geometry.topology), increasing; None: no pieces.
-    side: np.ndarray | None
+    side: np.ndarray  #: of a cell that each facet is, as of the mesh, increasing, (num_facets,)
     area: np.ndarray  #: nodal areas [m²], shape (num_nodes,)
     facet_area: np.ndarray  #: areas of the facets [m²], shape (num_facets,)
     facet_edge: np.ndarray  #: mean edges of the facets [m], shape (num_facets,)
@@ -59,8 +57,10 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
         on_mirror, mirror_normal = np.zeros((len(x), 0), dtype=bool), np.zeros((0, 3))
     outside = ~on_mirror[mesh.facets].all(axis=1).any(axis=1)
     of_mesh, local_grain = mesh.facets[outside], mesh.grain_of_facet[outside]
-    nodes, facets = np.unique(of_mesh, return_inverse=True)
-    facets = facets.reshape(-1, 3).astype(np.int32)
+    on_surface = np.zeros(mesh.num_nodes, dtype=bool)
+    on_surface[of_mesh] = True
+    nodes = np.flatnonzero(on_surface)
+    facets = (np.cumsum(on_surface, dtype=np.int32) - np.int32(1))[of_mesh]
     a, b, c = (x[of_mesh[:, i]] for i in range(3))
     facet_area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     area = np.bincount(facets.ravel(), np.repeat(facet_area / 3, 3), nodes.size)
@@ -69,12 +69,11 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
     across = neighbours(facets)
     grain_of_node = mesh.grains[mesh.grain_of_node[nodes]].astype(np.int32)
     grain_of_facet = mesh.grains[local_grain].astype(np.int32)
-    bodies, side = (grain_of_node, grain_of_facet), None
+    bodies = grain_of_node, grain_of_facet
     if mesh.piece_of_cell is not None:
         bodies = tuple(grain.copy() for grain in bodies)
         bodies[1][:] += mesh.labels.size * mesh.piece_of_cell[mesh.cell_of_facet[outside]]
         bodies[0][facets] = bodies[1][:, None]
-        side = sides_of(mesh.cells, of_mesh, mesh.cell_of_facet[outside])
     return OwnSurface(
         nodes=nodes.astype(np.int32),
         facets=facets,
@@ -82,7 +81,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
         grain_of_facet=grain_of_facet,
         body_of_node=bodies[0],
         body_of_facet=bodies[1],
-        side=side,
+        side=mesh.side_of_facet[outside],
         area=area,
         facet_area=facet_area,
         facet_edge=edges / 3.0,

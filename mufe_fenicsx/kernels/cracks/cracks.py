@@ -12,6 +12,7 @@ nowhere less.
 
 import ctypes
 
+import numba
 import numpy as np
 
 from ..build.native import Pointers, address, load
@@ -25,6 +26,19 @@ OF_POINT = (
 POINT = np.dtype([(name, float) for name in OF_POINT])
 #: Energies of :meth:`CrackForces.energies`.
 ENERGIES = ("stored", "fracture", "friction", "damping")
+
+
+@numba.njit(cache=True)
+def least_beside(least, across, values):
+    """Lower ``least`` of cells, shape (num_cells,), to the values of the facets beside, in place.
+
+    Args:
+        across: Cells on both sides of each facet, int32, shape (num_facets, 2).
+        values: Of the facets, shape (num_facets,).
+    """
+    for f in range(values.size):
+        for k in range(2):
+            least[across[f, k]] = min(least[across[f, k]], values[f])
 
 
 class CrackForces:

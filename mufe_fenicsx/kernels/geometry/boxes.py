@@ -101,3 +101,17 @@ def with_marked_vertex(facets, marked):
     for f in range(facets.shape[0]):
         found[f] = marked[facets[f, 0]] or marked[facets[f, 1]] or marked[facets[f, 2]]
     return found
+
+
+def grown_by(facets, marked, times):
+    """Which facets have a marked vertex, then a vertex of one of these, and so on, (num_facets,).
+
+    Args:
+        facets, marked: As of :func:`with_marked_vertex`; the former stays.
+        times: How often, 1 or more.
+    """
+    for _ in range(times):
+        near = with_marked_vertex(facets, marked)
+        marked = marked.copy()
+        marked[facets[near]] = True
+    return near

@@ -6,6 +6,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from .pieces import first_of_pieces
+
 #: The four facets of a tetrahedron, seen from outside where it is positively oriented.
 FACETS = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
@@ -59,39 +61,29 @@ def inner_facets(cells):
     return facets[first], np.stack([first, second], axis=1) // 4
 
 
-def boundary_facets(cells, cell_offset):
-    """Boundary facets with outward orientation, their grains and the cells beneath. Local.
+def boundary_sides(cells, cell_offset):
+    """Numbers of the sides of cells that no other cell of their grain shares, increasing. Local.
 
-    Found grain by grain from the cells: the facets of the DOLFINx topology would stay in
-    memory, 80 bytes a cell, and nothing else needs them.
+    Side 4 c + i is across from corner i of cell c. They are found grain by grain from the cells:
+    the facets of the DOLFINx topology would stay in memory, 80 bytes a cell, and nothing else needs
+    them.
     """
-    found, beneath, count = [], [], []
+    found = [np.empty(0, dtype=np.int64)]
     for first, end in pairwise(cell_offset):
-        faces = cells[first:end][:, FACETS].reshape(-1, 3)
-        key = np.sort(faces, axis=1)
+        key = np.sort(cells[first:end][:, FACETS].reshape(-1, 3), axis=1)
         order = np.lexsort(key.T)
         key = key[order]
         same = (key[1:] == key[:-1]).all(axis=1)
-        single = np.ones(len(faces), dtype=bool)
+        single = np.ones(len(key), dtype=bool)
         single[1:] &= ~same
         single[:-1] &= ~same
-        outer = np.sort(order[single])
-        found.append(faces[outer])
-        beneath.append((first + outer // 4).astype(np.int32))
-        count.append(outer.size)
-    grain = np.repeat(np.arange(len(count), dtype=np.int32), count)
-    return np.concatenate(found), grain, np.concatenate(beneath)
+        found.append(4 * first + np.sort(order[single]))
+    return np.concatenate(found)
 
 
-def sides_of(cells, facets, cell_of_facet):
-    """Numbers of sides of cells: 4 c + i of a facet across from corner i of cell c. Local.
-
-    Args:
-        cells: Nodes of the cells, shape (num_cells, 4).
-        facets, cell_of_facet: Nodes of facets, shape (num_facets, 3), and the cells beneath.
-    """
-    shared = (cells[cell_of_facet][:, :, None] == facets[:, None, :]).any(axis=2)
-    return 4 * cell_of_facet.astype(np.int64) + np.argmin(shared, axis=1)
+def nodes_of_sides(cells, sides):
+    """Nodes of sides of cells, seen from outside, shape (num_sides, 3). Local."""
+    return np.take_along_axis(cells[sides // 4], FACETS[sides % 4], axis=1)
 
 
 def rows_of(known, wanted):
@@ -100,7 +92,7 @@ def rows_of(known, wanted):
     return np.where(known[row] == wanted, row, -1) if known.size else np.full(wanted.size, -1)
 
 
-def part_nodes(cells, opened, now, name_of_cell):
+def part_nodes(cells, rows, opened, now, name_of_cell):
     """Give parts of nodes of their own where facets between cells opened. Local.
 
     Two cells stay joined at a node where a path of cells around it joins them, through facets that
@@ -108,6 +100,7 @@ def part_nodes(cells, opened, now, name_of_cell):
 
     Args:
         cells: Nodes of the tetrahedra, shape (num_cells, 4).
+        rows: Those of them beside which nodes can part: of the bodies that facets open in.
         opened: Pairs of cells whose facets opened so far, shape (n, 2).
         now: Those of them that opened now, shape (m, 2).
         name_of_cell: Numbers of the cells, of which the least of a part says which comes first,
@@ -121,7 +114,7 @@ def part_nodes(cells, opened, now, name_of_cell):
     one, other = cells[now].transpose(1, 0, 2)
     touched = np.zeros(num, dtype=bool)
     touched[one[(one[:, :, None] == other[:, None, :]).any(axis=2)]] = True
-    around = np.flatnonzero(touched[cells].any(axis=1))
+    around = rows[touched[cells[rows]].any(axis=1)]
     if not around.size:
         return cells, np.empty(0, dtype=np.int64)
     near = cells[around]
@@ -270,37 +263,29 @@ def _rings(triangles, one, other):
     return ends
 
 
-def number_pieces(cells, before, grain_of_cell, name_of_cell, broken, holding):
+def number_pieces(cells, before, grain_of_cell, rows, holding):
     """Numbers of the pieces that the cells of grains hang together in. Local.
 
     Cells hang together by nodes, and by what holds them beside. Of a piece that parts, the part of
-    most cells keeps the number, of as many the one of the first cell by name; the others get the
-    next numbers of their grain, by their first cells.
+    most cells keeps the number, of as many the one of the first cell; the others get the next
+    numbers of their grain, by their first cells.
 
     Args:
         cells: Nodes of the tetrahedra, shape (num_cells, 4).
         before: Numbers before, shape (num_cells,).
         grain_of_cell: Their grains, shape (num_cells,).
-        name_of_cell: Numbers that know no ranks within a grain, shape (num_cells,).
-        broken: Whether the grain of each cell can be in pieces, shape (num_cells,).
+        rows: Cells of the grains that can be in pieces, grain after grain, in each in an order that
+            knows no ranks.
         holding: Pairs of cells, shape (n, 2).
 
     Returns:
         Numbers now, int32, shape (num_cells,).
     """
-    mine = np.flatnonzero(broken)
-    if not mine.size:
+    if not rows.size:
         return before
-    mine = mine[np.lexsort((name_of_cell[mine], grain_of_cell[mine]))]
-    row_of_cell = np.empty(len(cells), dtype=np.int64)
-    row_of_cell[mine] = np.arange(mine.size)
-    size = mine.size + int(cells.max()) + 1
-    row = np.concatenate([np.repeat(np.arange(mine.size), 4), row_of_cell[holding[:, 0]]])
-    column = np.concatenate([mine.size + cells[mine].ravel(), row_of_cell[holding[:, 1]]])
-    graph = coo_array((np.ones(row.size, bool), (row, column)), (size, size))
-    part = connected_components(graph, directed=False)[1][: mine.size]
-    _, first, part, count = np.unique(part, True, True, True)
-    grain, of = grain_of_cell[mine[first]], before[mine[first]]
+    part = first_of_pieces(cells, rows, holding, int(cells.max()) + 1)
+    first, part, count = np.unique(part, return_inverse=True, return_counts=True)
+    grain, of = grain_of_cell[rows[first]], before[rows[first]]
     order = np.lexsort((first, -count, of, grain))
     same = (grain[order[1:]] == grain[order[:-1]]) & (of[order[1:]] == of[order[:-1]])
     number, new = of.copy(), order[1:][same]
@@ -310,7 +295,7 @@ def number_pieces(cells, before, grain_of_cell, name_of_cell, broken, holding):
     np.maximum.at(most, grain, of)
     number[new] = most[grain[new]] + 1 + np.arange(new.size) - begin
     now = before.copy()
-    now[mine] = number[part]
+    now[rows] = number[part]
     return now
 
 
