@@ -86,7 +86,8 @@ def sample(folder, given):
 
     call("pack", "--spheres", "--count", given.count, "--d50", "1 mm", "--uniformity", 1.1,
          "--friction", given.packing_friction, "--void-ratio", given.void_ratio,
-         "--seed", given.seed, "--voxel-size", "25 um", "--cut", 1, "-o", folder / "packing", "--overwrite")  # fmt: skip
+         "--seed", given.seed, "--voxel-size", "25 um", "--cut", 1,
+         "-o", folder / "packing", "--overwrite")  # fmt: skip
     call("mesh", folder / "packing" / "labels.tif", "--size", f"{1 / given.edges} mm",
          "-o", folder / "grains")  # fmt: skip
 
