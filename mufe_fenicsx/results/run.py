@@ -48,6 +48,13 @@ class _Table(pandas.DataFrame):
             raise InputError(f"the table has no column: {shortened(error.args[0])}") from None
 
 
+def _of(table, within):
+    """A table of contacts or patches; with those of pieces of one grain, or without."""
+    if within:
+        return table
+    return table[table["grain_a"] != table["grain_b"]].reset_index(drop=True)
+
+
 class Run:
     """A run folder: finished, still running, or killed.
 
@@ -150,21 +157,25 @@ class Run:
             return ()
         return () if membrane is None else (membrane["label"],)
 
-    def contacts(self, number: int = -1) -> pandas.DataFrame:
+    def contacts(self, number: int = -1, within: bool = False) -> pandas.DataFrame:
         """Contacts of a stored state as stored, open ones too: a row a pair of bodies.
+
+        Those between pieces of one grain, of which it is both, are there only ``within``.
 
         :meth:`active_contacts` has those that carry a force, and more of each. Columns:
         :data:`mufe_fenicsx.output.contacts.CONTACT_COLUMNS`.
         """
-        return self._network(number)[0]
+        return _of(self._network(number)[0], within)
 
-    def patches(self, number: int = -1) -> pandas.DataFrame:
+    def patches(self, number: int = -1, within: bool = False) -> pandas.DataFrame:
         """Patches of contact of a stored state, and how facets resolve them: a row a patch.
+
+        ``within`` as of :meth:`contacts`.
 
         Columns: :data:`mufe_fenicsx.output.contacts.PATCH_COLUMNS`.
         """
         table = _Table(read_patches(self.path, self.state(number).index))
-        return described(table, "patches")
+        return _of(described(table, "patches"), within)
 
     def grains(self, number: int = -1) -> pandas.DataFrame:
         """Contacts' sums of each grain of a stored state as stored, a row a grain.

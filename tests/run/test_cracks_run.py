@@ -107,6 +107,11 @@ def test_pieces_are_in_fields_tables_and_the_history(broken):
     several = numbers[numbers > 1]
     assert history["num_fragments"][-1] == several.sum() > history["num_fragments"][0] == 0
     assert history["broken_grains"][-1] == several.size
+    for read in (Run(folder).contacts, Run(folder).patches):  # of pieces only where they are asked
+        every, between = read(within=True), read()
+        own = every["grain_a"] == every["grain_b"]
+        assert own.any() and between.equals(every[~own].reset_index(drop=True))
+    assert read_run_json(folder)["contact"]["num_overlaps_at_start"] == 0  # balls one on the other
     table, last = Run(folder).breakage(), read_run_json(folder)["breakage"]
     assert table["num_fragments"].iloc[-1] == last["num_fragments"] == several.sum()
     assert table["broken"].iloc[-1] == pytest.approx(several.size / 3)
