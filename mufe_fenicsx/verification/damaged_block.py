@@ -90,5 +90,5 @@ def _course(s, steps):
         while s.state.num_steps - 1 < k * steps // LOOKS:
             s.step(everywhere=False)
         e = s.energies()
-        found.append(e["kinetic"] + e["elastic"] + e["cracks_stored"])
+        found.append(e["kinetic"] + e["elastic"] + e["cracks_stored"] + e["cracks_opening"])
     return np.array(found)

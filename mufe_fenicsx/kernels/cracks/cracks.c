@@ -87,7 +87,7 @@ void mufe_add_cracks(const cracks_type *c, double shear, const double *x, const 
   }
 }
 
-/* ``found``: sums of stored, fractured, rubbed and damped energy [J]. */
+/* ``found``: sums of stored, fractured, rubbed and damped energy, and of that begun with [J]. */
 void mufe_crack_energies(const cracks_type *c, double shear, const double *x, double *found, int64_t num) {
   const law_type law = {shear};
   for (int64_t i = 0; i < num; i++) {
@@ -102,6 +102,7 @@ void mufe_crack_energies(const cracks_type *c, double shear, const double *x, do
       found[1] += weight * fractured(p, law);
       found[2] += weight * p->rubbed;
       found[3] += weight * p->damped;
+      found[4] += weight * begun(p, law);
     }
   }
 }

@@ -100,14 +100,18 @@ static inline void begin(point_type *p, law_type law, double friction, const dou
   p->open = 1.0;
 }
 
-/* Energy since the point opened [J/m²]: stored, and lost in softening. Together they are the work of
-   the traction, friction's losses left out. */
+/* Energies [J/m²]: in the springs at an opening; less that with which they began, of what is not softened
+   since; and lost in softening. Together they are the work of the traction since the point opened,
+   friction's losses left out. Neither the first nor the last is ever negative, nor does that fall. */
+static inline double in_springs(const point_type *p, law_type law, const double w[3], double pulled) {
+  const double k = p->stiffness;
+  return 0.5 * (secant(p) * square(effective(law, w)) + k * (square(positive(-w[0])) + pulled));
+}
 static inline double stored(const point_type *p, law_type law, const double w[3]) {
-  const double s = secant(p), k = p->stiffness, *w0 = p->start;
-  double e = s * (square(effective(law, w)) - square(effective(law, w0)));
-  e += k * (square(positive(-w[0])) - square(positive(-w0[0])));
-  e += k * (square(p->pull[0]) + square(p->pull[1]) - square(p->held));
-  return 0.5 * e;
+  return in_springs(p, law, w, square(p->pull[0]) + square(p->pull[1]));
+}
+static inline double begun(const point_type *p, law_type law) {
+  return -in_springs(p, law, p->start, square(p->held));
 }
 static inline double fractured(const point_type *p, law_type law) {
   const double a = fmin(softened(p), p->ultimate), s = secant(p), d0 = first_opening(p);
