@@ -24,6 +24,7 @@ from . import watch as _watch  # noqa: F401
 from .app import Json, Overwrite, app, serial_only, world
 from .arguments import known_names, parameters, place, stated_texts
 from .exit_status import FAILED, INTERRUPTED, run_to_exit
+from .summary_words import breakage_line
 from .terminal import Printer, number
 
 #: Variable by which a shell asks for completions (`mufe --install-completion`).
@@ -112,10 +113,11 @@ def run(
     }
     result = _run_told(loaded, grains, output, comm, options)
     measured = result.get("profile")
-    fine = result.get("contact_resolution")
+    fine, cracks = result.get("contact_resolution"), breakage_line(result)
     printer.summary(
         {name: value for name, value in result.items() if name != "profile"}
         | {"elements_per_radius": fine and fine["half"]}
+        | ({"cracks": cracks} if cracks else {})
         | {"all_hold_from": _place(result["holds_from"]["all"])}
     )
     if measured:

@@ -95,7 +95,7 @@ def cracked_grains(source, labels, volume):
 
 
 def draw_breakage(source):
-    """Stress with marks where grains crack and come apart; opened area by mode; fragments."""
+    """Stress with marks where grains crack and come apart; opened, failed area; fragments."""
     history, events = source.loading, source.events
     if not events["time"].size:
         raise InputError("no facet of a grain has opened")
@@ -125,7 +125,11 @@ def draw_breakage(source):
         area = np.append(0.0, np.cumsum(events["area"] * (events["mode"] == mode)))[done]
         axes[1].plot(x, 1e6 * area, line, color=colour, drawstyle="steps-post", label=mode)
         columns[f"area opened by {mode} [m²]"] = area
-    axes[1].set(xlabel=over, ylabel="Opened area: mm²")
+    failed = history["failed_area"]
+    look = {"color": style.GREY, "drawstyle": "steps-post", "label": "failed"}
+    axes[1].plot(x, 1e6 * failed, "-.", **look)
+    columns["area that failed [m²]"] = failed
+    axes[1].set(xlabel=over, ylabel="Area of facets: mm²")
     for column, label, colour, line in (
         ("num_fragments", "fragments", style.RED, "-"),
         ("broken_grains", "broken grains", style.BLACK, "--"),
@@ -145,10 +149,11 @@ def draw_breakage(source):
         NAME,
         figure,
         f"Breakage: (a) {'vertical stress' if symbol == 'Pa' else 'force'} with what happens to "
-        "grains, (b) area of facets that opened, by what bore more, (c) fragments of broken grains",
+        "grains, (b) area of facets that opened, by what bore more, and that failed, (c) fragments "
+        "of broken grains",
         "An open facet softens, and has failed when it has taken its fracture energy: opened area "
-        "may still bear. A grain counts as broken from its first loose piece on, a crumb too."
-        f"{before}",
+        "that has not failed still bears. A grain counts as broken from its first loose piece on, "
+        f"a crumb too.{before}",
         {"": columns},
         "wide",
     )
@@ -220,6 +225,8 @@ def breakage_rows(source):
         area = events["area"][by].sum()
         text = f"{style.number(by.sum())} openings, {style.number(1e6 * area)} mm²"
         rows.append((f"Opened by {mode}", text))
+    failed = history["failed_area"][-1] / max(history["opened_area"][-1], 1e-300)
+    rows.append(("Failed of the opened area, at the end", f"{failed:.1%}"))
     if not cracked.grain.size:
         return rows
     values, symbol, _ = bearing(history)

@@ -296,6 +296,33 @@ class Run:
         """
         return described(sample_tables.breakage(self), "breakage")
 
+    @property
+    def events(self) -> pandas.DataFrame:
+        """What opened in grains that break, a row for the facets of a grain that did together.
+
+        Columns: ``time`` [s], ``strain``, ``stage``, ``grain``, middle ``x``, ``y``, ``z`` [m],
+        ``area`` [m²], ``mode``, ``energy`` to open them [J] and mean ``strength`` drawn [Pa].
+
+        Raises:
+            InputError: Its grains cannot break: there is no events.csv.
+        """
+        return described(self._of_fracture("events"), "events")
+
+    @property
+    def strengths(self) -> pandas.DataFrame:
+        """Strengths that were drawn for grains that break, a row a grain.
+
+        Columns: ``grain``, ``volume`` [m³], ``num_facets``, and the ``least``, ``median`` and
+        ``largest`` of their strengths [Pa]; with ``scatter = "grain"`` all three are one.
+
+        Raises:
+            InputError: Its grains cannot break: there is no strengths.csv.
+        """
+        return described(self._of_fracture("strengths"), "strengths")
+
+    def _of_fracture(self, name):
+        return _Table(read_history(self.path / f"{name}.csv"))
+
     def network(self) -> pandas.DataFrame:
         """Fabric, coordination, sliding and force chains at each stored state, a DataFrame.
 

@@ -11,6 +11,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.analysis import energy_check
+from mufe_fenicsx.cli.summary_words import breakage_line
 from mufe_fenicsx.errors import InputError, UnstableError
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.kernels.cracks.cracks import ENERGIES
@@ -112,6 +113,22 @@ def test_pieces_are_in_fields_tables_and_the_history(broken):
     several = numbers[numbers > 1]
     assert history["num_fragments"][-1] == several.sum() > history["num_fragments"][0] == 0
     assert history["broken_grains"][-1] == several.size
+    opened, failed = history["opened_area"], history["failed_area"]
+    run, spent, ulps = Run(folder), SCENE.fracture.energy * failed, 1e-12
+    assert run.events["area"].sum() == pytest.approx(opened[-1]) and opened[-1] > failed[-1] > 0.0
+    assert (spent <= history["cracks_fracture"] * (1.0 + ulps)).all()
+    assert (np.diff(failed) >= -ulps * failed[-1]).all()
+    assert state.cell_data["crack"].max() == 1.0 and 0.0 <= state.cell_data["crack"].min()
+    breaks = read_run_json(folder)["breakage"]
+    assert breaks["failed_area"] == failed[-1] and breaks["num_opened"] == history["num_opened"][-1]
+    # Drawn by Weibull's law: the median of each grain's is near that of all, (ln 2)^(1/m) σ.
+    drawn = run.strengths
+    assert drawn["grain"].tolist() == [1, 2, 3] and (drawn["least"] < drawn["median"]).all()
+    median = SCENE.fracture.strength * np.log(2.0) ** (1.0 / SCENE.fracture.modulus)
+    assert drawn["median"].to_numpy() == pytest.approx(median, rel=0.1)
+    assert (run.events["strength"] >= drawn["least"].min()).all()
+    line = breakage_line(read_run_json(folder))
+    assert f"{breaks['num_opened']} facets opened" in line and "fracture work" in line
     for read in (Run(folder).contacts, Run(folder).patches):  # of pieces only where they are asked
         every, between = read(within=True), read()
         own = every["grain_a"] == every["grain_b"]
