@@ -21,7 +21,7 @@ from . import paraview as _paraview  # noqa: F401
 from . import plan as _plan  # noqa: F401
 from . import scene as _scene  # noqa: F401
 from . import watch as _watch  # noqa: F401
-from .app import Json, Overwrite, app, serial_only, world
+from .app import Json, Overwrite, SceneChanges, app, serial_only, world
 from .arguments import known_names, parameters, place, stated_texts
 from .exit_status import FAILED, INTERRUPTED, run_to_exit
 from .summary_words import breakage_line
@@ -63,12 +63,7 @@ def run(
             metavar="DIR", help="Folder that `mufe mesh` wrote; default: the scene's sample.grains."
         ),
     ] = None,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="K=V", help='Change the scene, as loading.speed="0.5 m/s"; repeatable.'
-        ),
-    ] = None,
+    changes: SceneChanges = None,
     max_steps: Annotated[
         int | None,
         typer.Option(min=1, help="Stop at this time step, counted from the start of the test."),

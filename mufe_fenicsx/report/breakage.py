@@ -121,14 +121,13 @@ def draw_breakage(source):
     columns = {"time [s]": history["time"], "strain [-]": history["strain"]}
     columns[f"{'vertical stress' if symbol == 'Pa' else 'force'} [{symbol}]"] = values
     done = np.searchsorted(events["time"], history["time"], side="right")
-    for mode, (colour, line) in MODES.items():
+    areas = {"failed": (history["failed_area"], style.GREY, "-.")}
+    for mode, look in MODES.items():
         area = np.append(0.0, np.cumsum(events["area"] * (events["mode"] == mode)))[done]
-        axes[1].plot(x, 1e6 * area, line, color=colour, drawstyle="steps-post", label=mode)
-        columns[f"area opened by {mode} [m²]"] = area
-    failed = history["failed_area"]
-    look = {"color": style.GREY, "drawstyle": "steps-post", "label": "failed"}
-    axes[1].plot(x, 1e6 * failed, "-.", **look)
-    columns["area that failed [m²]"] = failed
+        areas[f"opened by {mode}"] = area, *look
+    for label, (area, colour, line) in areas.items():
+        axes[1].plot(x, 1e6 * area, line, color=colour, drawstyle="steps-post", label=label)
+        columns[f"area {label} [m²]"] = area
     axes[1].set(xlabel=over, ylabel="Area of facets: mm²")
     for column, label, colour, line in (
         ("num_fragments", "fragments", style.RED, "-"),
