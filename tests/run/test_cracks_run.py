@@ -1,7 +1,9 @@
 """`mufe run` of a scene whose grains break."""
 
 import csv
+import random
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,10 +31,11 @@ from mufe_fenicsx.results import Run
 from mufe_fenicsx.run.recorder import Recorder
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver, load_scene, scene_to_toml
+from mufe_fenicsx.verification.case import on_first_ranks
 from tests.bodies import RADIUS, packed_grains
 from tests.checkpoints import arrays
 from tests.report.test_report_axes import legends_beside_axes
-from tests.run.test_checkpoint import files
+from tests.run.test_checkpoint import files, kill_and_resume, start
 
 COMM = MPI.COMM_WORLD
 SCENE = Scene(
@@ -207,6 +210,60 @@ def test_a_run_that_goes_back_closes_what_had_opened_since(broken, monkeypatch):
     history = read_history(broken / "again" / "history.csv")
     assert history["cracks_fracture"][-1] > 0.0
     assert np.abs(history["residual"]).max() < 1e-2 * history["work"].max()
+
+
+@pytest.mark.slow
+def test_thirty_kills_leave_the_same_bytes(tmp_path):
+    """By SIGKILL at random moments, before the first crack and with pieces that are loose."""
+    if COMM.size > 1:
+        pytest.skip("starts processes of its own")
+    save_grains(tmp_path / "grains", packed_grains((1, 1, 3), h=0.7 * RADIUS))
+    often = replace(SCENE, output=replace(SCENE.output, checkpoint_steps=60))
+    start(tmp_path, "whole", of=often).communicate()
+    whole, chance, killed = files(tmp_path / "whole"), random.Random(4), []
+    first = csv.DictReader(whole["events.csv"].decode().splitlines())
+    opened, at = float(next(iter(first))["time"]), []
+    while len(killed) < 30:
+        shutil.rmtree(tmp_path / "parts", ignore_errors=True)
+        killed += kill_and_resume(tmp_path, "parts", 8, chance, of=often)
+        assert files(tmp_path / "parts") == whole, len(killed)
+        at += read_run_json(tmp_path / "parts")["resumed_at_steps"]
+    history = read_history(tmp_path / "whole" / "history.csv")
+    cracked = np.interp(opened, history["time"], history["step"])
+    assert min(at) < cracked < max(at)
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_ranks_open_as_many_facets(tmp_path_factory):
+    """Alike up to the first crack; afterwards rounding grows, and numbers agree in the mean.
+
+    Of twenty seeds, whose numbers scatter by some tenth each: 5 % is twice the error of the mean.
+    """
+    path = COMM.bcast(tmp_path_factory.mktemp("seeds") if COMM.rank == 0 else None)
+    if COMM.rank == 0:
+        save_grains(path / "grains", packed_grains((1, 1, 3), h=0.7 * RADIUS))
+    COMM.Barrier()
+    found = []
+    for seed in range(20):
+        scene = replace(SCENE, fracture=replace(SCENE.fracture, seed=seed))
+        run(path, f"{seed}", scene)
+
+        def alone(part, scene=scene, name=f"{seed}-alone"):
+            run_scene(scene, path / "grains", path / name, part, quiet=True)
+
+        on_first_ranks(COMM, 1, alone)
+        tables = [read_history(path / f"{seed}{of}" / "events.csv") for of in ("", "-alone")]
+        assert tables[0]["time"][0] == pytest.approx(tables[1]["time"][0], rel=1e-9)
+        histories = [read_history(path / f"{seed}{of}" / "history.csv") for of in ("", "-alone")]
+        ends = [history["num_opened"][-1] for history in histories]
+        found.append([*(table["time"].size for table in tables), *ends])
+    found = np.array(found)
+    print(found)
+    rows, alone, facets, facets_alone = found.sum(axis=0)
+    assert rows == pytest.approx(alone, rel=0.05) and facets == pytest.approx(
+        facets_alone, rel=0.05
+    )
 
 
 def test_a_scene_with_fracture_is_written_and_read_again(tmp_path):
