@@ -106,6 +106,7 @@ def draw_breakage(source):
     axes[0].plot(x, values / factor, color=style.GREY)
     first = np.unique(events["grain"], return_index=True)[1]
     at = np.searchsorted(history["time"], events["time"][first])
+    seated = f" Before, in the seating, {n} had cracked." if (n := np.sum(at == 0)) else ""
     broken, pieces = history["broken_grains"], history["num_fragments"]
     whole, pieces = (np.diff(number, prepend=number[0]) > 0 for number in (broken, pieces))
     marks = (
@@ -117,9 +118,9 @@ def draw_breakage(source):
         if rows.size:
             look = {"color": colour, "marker": marker, "label": label, "zorder": 3}
             axes[0].scatter(x[rows], values[rows] / factor, size, linewidths=0, **look)
-    axes[0].set(xlabel=over, ylabel=f"{name}: {unit}")
+    bears = "vertical stress" if symbol == "Pa" else "force"
     columns = {"time [s]": history["time"], "strain [-]": history["strain"]}
-    columns[f"{'vertical stress' if symbol == 'Pa' else 'force'} [{symbol}]"] = values
+    columns[f"{bears} [{symbol}]"] = values
     done = np.searchsorted(events["time"], history["time"], side="right")
     areas = {"failed": (history["failed_area"], style.GREY, "-.")}
     for mode, look in MODES.items():
@@ -128,7 +129,6 @@ def draw_breakage(source):
     for label, (area, colour, line) in areas.items():
         axes[1].plot(x, 1e6 * area, line, color=colour, drawstyle="steps-post", label=label)
         columns[f"area {label} [m²]"] = area
-    axes[1].set(xlabel=over, ylabel="Area of facets: mm²")
     for column, label, colour, line in (
         ("num_fragments", "fragments", style.RED, "-"),
         ("broken_grains", "broken grains", style.BLACK, "--"),
@@ -136,23 +136,21 @@ def draw_breakage(source):
         look = {"color": colour, "drawstyle": "steps-post", "label": label}
         axes[2].plot(x, history[column], line, **look)
         columns[f"{label} [-]"] = history[column]
-    axes[2].set(xlabel=over, ylabel="Number")
     axes[2].yaxis.get_major_locator().set_params(integer=True)
-    before = f" Before, in the seating, {n} had cracked." if (n := np.sum(at == 0)) else ""
     shade(source, *axes)
-    for i, axis in enumerate(axes):
-        axis.set_ylim(bottom=min(0, axis.get_ylim()[0]))
+    for i, label in enumerate((f"{name}: {unit}", "Area of facets: mm²", "Number")):
+        axis = axes[i]
+        axis.set(xlabel=over, ylabel=label, ylim=(min(0, axis.get_ylim()[0]), None))
         style.panel_letter(axis, i)
     legends(*axes)
     return Drawing(
         NAME,
         figure,
-        f"Breakage: (a) {'vertical stress' if symbol == 'Pa' else 'force'} with what happens to "
-        "grains, (b) area of facets that opened, by what bore more, and that failed, (c) fragments "
-        "of broken grains",
+        f"Breakage: (a) {bears} with what happens to grains, (b) area of facets that opened, by "
+        "what bore more, and that failed, (c) fragments of broken grains",
         "An open facet softens, and has failed when it has taken its fracture energy: opened area "
         "that has not failed still bears. A grain counts as broken from its first loose piece on, "
-        f"a crumb too.{before}",
+        f"a crumb too.{seated}",
         {"": columns},
         "wide",
     )

@@ -15,6 +15,8 @@ from .case import case, compare
 
 E, NU, RHO, STRENGTH, SMALLEST = 60e9, 0.2, 2500.0, 60e6, 0.25e-3
 Z = np.array([0.0, 0.0, 1.0])
+#: β and μ; of all motion, in passes of a wave through a ball.
+SHEAR_RATIO, FRICTION, DAMPING = 3.0, 1.0, 0.2
 #: Steps from one look at the force to the next; a ball is broken where it has fallen to this part
 #: of the largest; passes of a wave after which it has to be.
 EVERY, FALLEN, LATEST = 10, 0.8, 200.0
@@ -22,8 +24,7 @@ EVERY, FALLEN, LATEST = 10, 0.8, 200.0
 
 @case("crushing-strengths", num_bodies=1)
 def crushing_strengths(
-    comm, number=30, sizes=4, modulus=5.0, edges=4, flat=25.0, zone=0.5, speed=0.4, seed=1,
-    shear_ratio=3.0, friction=1.0, damping=0.2,
+    comm, number=30, sizes=4, modulus=5.0, edges=4, flat=25.0, zone=0.5, speed=0.4, seed=1
 ):  # fmt: skip
     """Balls whose strengths scatter by Weibull's law, each size twice as large as the one before.
 
@@ -40,14 +41,12 @@ def crushing_strengths(
         zone: E G/σ² over the diameter of the smallest, whose volume has σ.
         speed: Of the platens towards each other, over c σ/E.
         seed: Of the first ball; each has the next one.
-        shear_ratio, friction: β, μ.
-        damping: Of all motion, in passes of a wave through a ball.
 
     Source: G. R. McDowell, M. D. Bolton, Géotechnique 48, 1998, 667-679.
     """
     points, cells = flattened_ball(2.0 / edges, np.radians(flat), 0.0)
     law = Fracture(
-        STRENGTH, zone * SMALLEST * STRENGTH**2 / E, shear_ratio, friction, modulus,
+        STRENGTH, zone * SMALLEST * STRENGTH**2 / E, SHEAR_RATIO, FRICTION, modulus,
         np.pi / 6.0 * SMALLEST**3, "grain",
     )  # fmt: skip
     diameters = SMALLEST * 2.0 ** np.arange(sizes)
@@ -55,7 +54,7 @@ def crushing_strengths(
     for k, i in np.ndindex(sizes, number):
         own = replace(law, seed=seed + number * k + i)
         body = 0.5 * diameters[k] * points, cells
-        *found[k, i], s = crush(comm, body, diameters[k], own, speed, damping)
+        *found[k, i], s = crush(comm, body, diameters[k], own, speed)
         simulations.append(s)
     strengths, drawn = np.moveaxis(found, 2, 0)
     m, given = (np.mean([weibull_modulus(some) for some in of]) for of in (strengths, drawn))
@@ -72,7 +71,7 @@ def crushing_strengths(
     return results, simulations
 
 
-def crush(comm, body, diameter, fracture, speed, damping):
+def crush(comm, body, diameter, fracture, speed):
     """Crush a ball.
 
     Returns:
@@ -88,7 +87,7 @@ def crush(comm, body, diameter, fracture, speed, damping):
     ]
     s = build(
         comm, [body], material, (0, 0, 0), (0, 0, 0), axes="", walls=walls,
-        damping=damping / passes, friction=fracture.friction,
+        damping=DAMPING / passes, friction=fracture.friction,
         velocity=lambda x, _grain: -v / high * x[:, 2:] * Z,
     )  # fmt: skip
     cracks = Cracks(s.specimen, fracture)

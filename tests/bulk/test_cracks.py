@@ -15,7 +15,7 @@ from mufe_fenicsx.materials.fracture import Fracture, uniform
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.verification.cohesive_facet import cohesive_facet
-from mufe_fenicsx.verification.damaged_block import _block, _course
+from mufe_fenicsx.verification.damaged_block import block_in_motion, course_of_energies
 from tests.bulk.test_growth import written
 
 COMM, ALONE = MPI.COMM_WORLD, MPI.COMM_SELF
@@ -224,8 +224,8 @@ def test_a_damaged_chain_gains_no_energy_but_without_its_dashpot():
     """Steps of 0.9 of the limit; the longer case is `mufe verify damaged-block`."""
     ratio = {}
     for damping in (0.07, 0.0):
-        s, _ = _block(ALONE, 2, 1.0, (0.5, 0.95), 0.9, damping)
-        energies = _course(s, 6_000)
+        s, _ = block_in_motion(ALONE, 2, 1.0, (0.5, 0.95), 0.9, damping)
+        energies = course_of_energies(s, 6_000)
         ratio[damping] = energies[-1] / energies[0]
     assert ratio[0.07] < 0.5 and ratio[0.0] > 1.01
 

@@ -11,7 +11,7 @@ from ...materials.fracture import Fracture
 from ...run.from_bodies import build
 from ...theory.cohesion import compression_on_plane, compressive_strength, tension_on_plane
 from ..case import at_least, case, compare
-from ..damaged_block import _block, _course
+from ..damaged_block import block_in_motion, course_of_energies
 
 E, RHO, EDGE, STRENGTH = 60e9, 2500.0, 0.1e-3, 60e6
 #: Bricks across and along a bar, part of it in the middle that may break, cohesive zone in bricks.
@@ -118,8 +118,8 @@ def cracks_limits(comm, tilt=30.0, friction=0.6, shear_ratio=2.0, cubes=2, rate=
         ),
     }
     for name, damping in (("", 0.07), (" without a dashpot", 0.0)):
-        block, _ = _block(comm, 2, 1.0, (0.5, 0.95), 0.9, damping)
-        energies = _course(block, steps)
+        block, _ = block_in_motion(comm, 2, 1.0, (0.5, 0.95), 0.9, damping)
+        energies = course_of_energies(block, steps)
         simulations.append(block)
         grown = max(energies[-1] / energies[0] - 1.0, 0.0)
         results[f"growth of energy{name}"] = (
