@@ -187,6 +187,14 @@ class ForceTerm(Stateful):
         """Pairs of cells that hang together by the term, though their facet is open. Local."""
         return np.empty((0, 2), dtype=np.int64)
 
+    def opened_and_failed(self):
+        """Facets that opened, their area, and what of it bears no more [m²], (3,). Local."""
+        return np.zeros(3)
+
+    def cell_fields(self):
+        """Values of the cells that stored states have, {name: shape (num_cells,)}. Local."""
+        return {}
+
     def let_go(self, state):
         """Leave the faces between two pieces of a grain to contact. Local.
 

@@ -61,9 +61,12 @@ def of_patches(patches):
     Returns:
         :class:`Resolution` or None.
     """
-    n, force, between = patches.elements_per_radius, patches.normal_force, patches.between_grains
-    found = contact_resolution(n[between], force[between])
-    return contact_resolution(n[~between], force[~between]) if found is None else found
+    n, force = patches.elements_per_radius, patches.normal_force
+    for some in (patches.between_grains, patches.with_walls):
+        found = contact_resolution(n[some], force[some])
+        if found is not None:
+            return found
+    return None
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,14 @@ Json = Annotated[
     typer.Option("--json", metavar="PATH", help="Write the result as JSON; - for standard output."),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier output.")]
+SceneChanges = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="K=V",
+        help='Change the scene, as loading.speed="0.5 m/s" or stage.2.z.strain=0.01; repeatable.',
+    ),
+]
 SceneOption = Annotated[
     Path | None, typer.Option("--scene", metavar="SCENE", help="Take the settings of a scene file.")
 ]

@@ -22,9 +22,10 @@ from . import plan as _plan  # noqa: F401
 from . import scene as _scene  # noqa: F401
 from . import sweep as _sweep  # noqa: F401
 from . import watch as _watch  # noqa: F401
-from .app import Json, Overwrite, app, serial_only, world
+from .app import Json, Overwrite, SceneChanges, app, serial_only, world
 from .arguments import known_names, parameters, place, stated_texts
 from .exit_status import FAILED, INTERRUPTED, run_to_exit
+from .summary_words import breakage_line
 from .terminal import Printer, number
 
 #: Variable by which a shell asks for completions (`mufe --install-completion`).
@@ -63,12 +64,7 @@ def run(
             metavar="DIR", help="Folder that `mufe mesh` wrote; default: the scene's sample.grains."
         ),
     ] = None,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="K=V", help='Change the scene, as loading.speed="0.5 m/s"; repeatable.'
-        ),
-    ] = None,
+    changes: SceneChanges = None,
     max_steps: Annotated[
         int | None,
         typer.Option(min=1, help="Stop at this time step, counted from the start of the test."),
@@ -113,10 +109,11 @@ def run(
     }
     result = _run_told(loaded, grains, output, comm, options)
     measured = result.get("profile")
-    fine = result.get("contact_resolution")
+    fine, cracks = result.get("contact_resolution"), breakage_line(result)
     printer.summary(
         {name: value for name, value in result.items() if name != "profile"}
         | {"elements_per_radius": fine and fine["half"]}
+        | ({"cracks": cracks} if cracks else {})
         | {"all_hold_from": _place(result["holds_from"]["all"])}
     )
     if measured:

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
-from .app import Json, Overwrite, app, serial_only
+from .app import Json, Overwrite, SceneChanges, app, serial_only
+from .arguments import stated_texts
 from .terminal import Printer
 
 
@@ -26,6 +27,7 @@ def scene(
             help="What a key or table is; beside SCENE, also what it has there.",
         ),
     ] = None,
+    changes: SceneChanges = None,
     schema: Annotated[
         bool, typer.Option("--schema", help="JSON schema of a scene, for editors.")
     ] = False,
@@ -38,6 +40,8 @@ def scene(
     serial_only("scene")
     if (file is None and explain is None) != schema:
         raise InputError("expected SCENE, --explain KEY or both of them, or --schema alone")
+    if changes and (file is None or explain is not None):
+        raise InputError("--set beside no SCENE or --explain, expected SCENE alone with it")
     if schema:
         from ..scene.schema import schema_text
 
@@ -58,7 +62,7 @@ def scene(
         from ..scene.schema import absent_schema
         from ..scene.usual import unusual
 
-        loaded = load_scene(file)
+        loaded = load_scene(file, stated_texts(changes))
         _read_files_of(loaded)
         for line in [*unusual(loaded), *filter(None, [absent_schema(file)])]:
             typer.echo(f"mufe: {line}", err=True)

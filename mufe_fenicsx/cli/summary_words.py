@@ -88,6 +88,7 @@ _OF_RUNS = {
     "peak_memory_bytes": ("memory at its peak", "bytes"),
     "edges_per_diameter": ("edges a diameter of grains", ""),
     "elements_per_radius": ("elements per contact radius, half of the force has fewer", ""),
+    "cracks": ("cracks", ""),
     "all_hold_from": ("strain from which all checks of the report hold", ""),
 }
 
@@ -122,6 +123,20 @@ WORDS = {
     **_OF_RUNS,
     **_OF_PACKINGS,
 }
+
+
+def breakage_line(result):
+    """What run.json says of grains that break in one line, or None where they cannot."""
+    found = result.get("breakage")
+    if found is None:
+        return None
+    split, chipped = (round(found[name] * result["num_grains"]) for name in ("split", "chipped"))
+    opened, failed = (f"{1e6 * found[name]:.3g} mm²" for name in ("opened_area", "failed_area"))
+    return (
+        f"{found['num_opened']} facets opened ({opened}, of which {failed} failed), "
+        f"{found['num_fragments']} fragments, {split} grains split, {chipped} chipped, "
+        f"fracture work {1e6 * found['fracture_work']:.4g} µJ"
+    )
 
 
 def described(key):

@@ -112,6 +112,12 @@ def _line(now):
             text += f", step {now.values['step']:.0f}"
             if now.values.get("stress") is not None:
                 text += f", vertical stress {1e-6 * now.values['stress'] + 0.0:.4g} MPa"
+        if now.values.get("num_opened"):
+            text += (
+                "; {num_opened:.0f} facets opened, {num_fragments:.0f} fragments of "
+                "{broken_grains:.0f} grains".format(**now.values)
+            )
+            text += f", fracture work {1e6 * now.values['cracks_fracture']:.4g} µJ"
     if now.seconds_left is not None:
         text += f"; about {duration(now.seconds_left)} left, {now.rests_on}"
     elif not now.ended and now.values:

@@ -248,11 +248,13 @@ class Contact(Stateful):
     def counts(self):
         """Closed pairs, those with an offset of the start, and those at their largest force. Local.
 
-        Pairs of points with facets and walls, and crossings of edges.
+        Pairs of points with facets and walls, and crossings of edges; of pieces of one grain none.
         """
         pairs, edges = self.pairs, self.edges.pairs
-        numbers = sum(of.counts() for of in (pairs, edges, self.walls.pairs))
-        at_largest = pairs.num_at_largest() + edges.num_at_largest(edges.recess)
+        of_pairs = self.points.grain_of_point[pairs.node] != pairs.grain
+        of_edges = edges.grain != edges.partner
+        numbers = pairs.counts(of_pairs) + edges.counts(of_edges) + self.walls.pairs.counts()
+        at_largest = pairs.num_at_largest(of_pairs) + edges.num_at_largest(of_edges, edges.recess)
         return np.append(numbers, at_largest)
 
     def areas(self, pairs):

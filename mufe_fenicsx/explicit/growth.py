@@ -140,7 +140,9 @@ def _meet_anew(simulation, faces):
     for table, which in zip(tables, touched, strict=True):
         table.next_check[~which] = np.inf  # the others stay as they are, to the last bit
     contact.begin_step(x)
+    of_start = contact.overlaps.state_dict()
     contact.add_forces(np.zeros_like(x), x, accept=True)
+    contact.overlaps.load_state_dict(of_start)
     if any_faces:
         take_over(contact, sides, traction, x)
     for load, value in zip(loads, kept, strict=True):

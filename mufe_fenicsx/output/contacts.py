@@ -3,7 +3,8 @@
 In the folder ``contacts``, numbered as the states in ``fields``:
 
 - ``contacts_0003.csv``: a row for each pair of grains, or grain and wall, that touch or whose
-  friction did work before; the columns of :data:`CONTACT_COLUMNS`;
+  friction did work before; the columns of :data:`CONTACT_COLUMNS`. Pieces of one grain that touch
+  have a row with that grain twice, which `Run.contacts` leaves out unless they are asked for;
 - ``grains_0003.csv``: a row for each grain; the columns of :data:`GRAIN_COLUMNS`;
 - ``patches_0003.csv``: a row for each patch of contact, of which two grains may have several; the
   columns of :data:`PATCH_COLUMNS`;
@@ -77,7 +78,7 @@ PATCH_COLUMNS = (
     "elements_per_radius",  # a/h, a = √(area/π)
     "elements_across",  # where the patch is narrowest
     "normal_force",  # sum of those at its points [N]
-    "force_share",  # of all patches between grains, or of all with walls
+    "force_share",  # of all patches between grains, of all with walls, or of all within grains
     "overlap",  # volume within both bodies [m³]
     "yield_stress",  # reached in the elements there [Pa], of the softer side; 0: none yields
 )
@@ -207,13 +208,14 @@ def grain_rows(network):
     """Rows of the table of grains, as Python numbers."""
     c = network.contacts
     half = np.where(c.b < network.labels.size, 0.5 * c.work, c.work)
+    area = np.where(c.within, 0.0, c.area)
     columns = [
         network.labels,
         network.mass,
         *network.centre.T,
         network.num_active(),
         network.num_active(walls=True),
-        network.sum_over_contacts(c.area, c.area),
+        network.sum_over_contacts(area, area),
         *network.sum_over_contacts(c.force, -c.force).T,
         network.sum_over_contacts(half, half),
         network.num_fragments,
@@ -232,7 +234,7 @@ def write_lines(path, time, network):
     Points are the centres of all grains, then the centroids on walls.
     """
     c, n = network.contacts, network.labels.size
-    on = np.flatnonzero(c.active)
+    on = np.flatnonzero(c.active & ~c.within)
     at_wall = c.b[on] >= n
     to = c.b[on].copy()
     to[at_wall] = n + np.arange(at_wall.sum())

@@ -11,7 +11,7 @@ import numpy as np
 UNITS = {
     "m": "height diameter inner_diameter length depth edge edge_distance contact_radius center "
     "centroid branch displacement translation misfit contact_gap contact_slip radius d10 d50",
-    "m^2": "area contact_area",
+    "m^2": "area contact_area opened_area failed_area",
     "m^3": "volume cell_volume overlap",
     "m^5": "inertia",
     "m/s": "speed velocity",
@@ -20,7 +20,7 @@ UNITS = {
     "N": "force normal_force shear shear_force friction unbalanced mean_force",
     "N m": "torque",
     "Pa": "stress tensile_stress target modulus von_mises pressure pore_pressure "
-    "contact_pressure contact_shear yield_stress shear_xz shear_tz",
+    "contact_pressure contact_shear yield_stress shear_xz shear_tz strength least median largest",
     "J": "kinetic elastic plastic contact switching damping parting work residual energy "
     "friction_work",
     "rad": "rotation angle turn twist neighbours excess",
@@ -28,7 +28,7 @@ UNITS = {
     "grain grain_a grain_b body tool strong sliding chain ratio mobilised strong_force force_share "
     "anisotropy fabric grains_in_chains elements_per_radius elements_across plastic_strain "
     "volume_expansion shear_strain yielded_volume_fraction unstressed under_contact inside "
-    "fragment broken_grains broken split chipped hardin einav "
+    "fragment crack broken_grains broken split chipped hardin einav "
     "age_strain since_strain difference closure void_ratio porosity log10_stress K0",
 }
 _UNIT_OF = {name: unit for unit, names in UNITS.items() for name in names.split()}

@@ -26,6 +26,7 @@ OWN_FILES = (
     "run.json",
     "history.csv",
     "events.csv",
+    "strengths.csv",
     PROFILE,
     "quality.csv",
     "quality.png",

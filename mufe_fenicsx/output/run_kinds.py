@@ -62,7 +62,10 @@ def _separation(value):
 _FOUND = ("slowest", "fastest", "largest_kinetic", "largest_unbalanced")
 _ADDED = ("added", "added_to_grain", "num_elements", "gain")
 _CARRIED = ("num_grains", "num_idle", "num_half", "heaviest")
-_BREAKAGE = ("num_fragments", "broken", "split", "chipped", "hardin", "einav", "d10", "d50")
+_BREAKAGE = (
+    *("num_fragments", "broken", "split", "chipped", "hardin", "einav", "d10", "d50"),
+    *("num_opened", "opened_area", "failed_area", "fracture_work"),
+)
 _STEPS = {"failed_at_step": _count, "from_step": _count, "cause": _text,
           "time_step_factor": _number}  # fmt: skip
 #: Name -> whether a value is of its kind; None is of all kinds.

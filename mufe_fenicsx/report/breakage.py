@@ -95,7 +95,7 @@ def cracked_grains(source, labels, volume):
 
 
 def draw_breakage(source):
-    """Stress with marks where grains crack and come apart; opened area by mode; fragments."""
+    """Stress with marks where grains crack and come apart; opened, failed area; fragments."""
     history, events = source.loading, source.events
     if not events["time"].size:
         raise InputError("no facet of a grain has opened")
@@ -106,6 +106,7 @@ def draw_breakage(source):
     axes[0].plot(x, values / factor, color=style.GREY)
     first = np.unique(events["grain"], return_index=True)[1]
     at = np.searchsorted(history["time"], events["time"][first])
+    seated = f" Before, in the seating, {n} had cracked." if (n := np.sum(at == 0)) else ""
     broken, pieces = history["broken_grains"], history["num_fragments"]
     whole, pieces = (np.diff(number, prepend=number[0]) > 0 for number in (broken, pieces))
     marks = (
@@ -117,15 +118,17 @@ def draw_breakage(source):
         if rows.size:
             look = {"color": colour, "marker": marker, "label": label, "zorder": 3}
             axes[0].scatter(x[rows], values[rows] / factor, size, linewidths=0, **look)
-    axes[0].set(xlabel=over, ylabel=f"{name}: {unit}")
+    bears = "vertical stress" if symbol == "Pa" else "force"
     columns = {"time [s]": history["time"], "strain [-]": history["strain"]}
-    columns[f"{'vertical stress' if symbol == 'Pa' else 'force'} [{symbol}]"] = values
+    columns[f"{bears} [{symbol}]"] = values
     done = np.searchsorted(events["time"], history["time"], side="right")
-    for mode, (colour, line) in MODES.items():
+    areas = {"failed": (history["failed_area"], style.GREY, "-.")}
+    for mode, look in MODES.items():
         area = np.append(0.0, np.cumsum(events["area"] * (events["mode"] == mode)))[done]
-        axes[1].plot(x, 1e6 * area, line, color=colour, drawstyle="steps-post", label=mode)
-        columns[f"area opened by {mode} [m²]"] = area
-    axes[1].set(xlabel=over, ylabel="Opened area: mm²")
+        areas[f"opened by {mode}"] = area, *look
+    for label, (area, colour, line) in areas.items():
+        axes[1].plot(x, 1e6 * area, line, color=colour, drawstyle="steps-post", label=label)
+        columns[f"area {label} [m²]"] = area
     for column, label, colour, line in (
         ("num_fragments", "fragments", style.RED, "-"),
         ("broken_grains", "broken grains", style.BLACK, "--"),
@@ -133,22 +136,21 @@ def draw_breakage(source):
         look = {"color": colour, "drawstyle": "steps-post", "label": label}
         axes[2].plot(x, history[column], line, **look)
         columns[f"{label} [-]"] = history[column]
-    axes[2].set(xlabel=over, ylabel="Number")
     axes[2].yaxis.get_major_locator().set_params(integer=True)
-    before = f" Before, in the seating, {n} had cracked." if (n := np.sum(at == 0)) else ""
     shade(source, *axes)
-    for i, axis in enumerate(axes):
-        axis.set_ylim(bottom=min(0, axis.get_ylim()[0]))
+    for i, label in enumerate((f"{name}: {unit}", "Area of facets: mm²", "Number")):
+        axis = axes[i]
+        axis.set(xlabel=over, ylabel=label, ylim=(min(0, axis.get_ylim()[0]), None))
         style.panel_letter(axis, i)
     legends(*axes)
     return Drawing(
         NAME,
         figure,
-        f"Breakage: (a) {'vertical stress' if symbol == 'Pa' else 'force'} with what happens to "
-        "grains, (b) area of facets that opened, by what bore more, (c) fragments of broken grains",
+        f"Breakage: (a) {bears} with what happens to grains, (b) area of facets that opened, by "
+        "what bore more, and that failed, (c) fragments of broken grains",
         "An open facet softens, and has failed when it has taken its fracture energy: opened area "
-        "may still bear. A grain counts as broken from its first loose piece on, a crumb too."
-        f"{before}",
+        "that has not failed still bears. A grain counts as broken from its first loose piece on, "
+        f"a crumb too.{seated}",
         {"": columns},
         "wide",
     )
@@ -220,6 +222,8 @@ def breakage_rows(source):
         area = events["area"][by].sum()
         text = f"{style.number(by.sum())} openings, {style.number(1e6 * area)} mm²"
         rows.append((f"Opened by {mode}", text))
+    failed = history["failed_area"][-1] / max(history["opened_area"][-1], 1e-300)
+    rows.append(("Failed of the opened area, at the end", f"{failed:.1%}"))
     if not cracked.grain.size:
         return rows
     values, symbol, _ = bearing(history)

@@ -51,6 +51,7 @@ ENERGIES = {
     "cracks_friction": ("friction in cracks", style.ORANGE, ":"),
     "cracks_stored": ("springs of cracks", style.SKY, "-."),
     "cracks_damping": ("damping in cracks", style.PINK, ":"),
+    "cracks_opening": ("springs of cracks as they opened", style.GREY, "-."),
 }
 #: Energy of a term whose parts are drawn instead.
 IN_PARTS = "energy_cracks"

@@ -103,8 +103,12 @@ def largest_values(history, last, at_zero=None):
                 if column in history
             ]
             if "cracks_fracture" in history:
-                gone = quantity(history["parting"][loading][-1], "J", 4)
-                rows.append(("Lost where nodes parted", gone, "at the end"))
+                for name, column in (
+                    ("Lost where nodes parted", "parting"),
+                    ("Springs of cracks as they opened, which nothing gave", "cracks_opening"),
+                ):
+                    gone = quantity(history[column][loading][-1], "J", 4)
+                    rows.append((name, gone, "at the end"))
             share = energy_check.friction_share(history)
             rows.append(("Frictional over plastic dissipation", number(share), "at the end"))
             share = energy_check.dents_share(history)

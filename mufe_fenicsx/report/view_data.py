@@ -40,6 +40,7 @@ FIELDS = (
     Field("contact_shear", "Shear traction at contacts", "Pa", "pressure"),
     Field("contact_slip", "Slip distance at contacts", "m", "pressure"),
     Field("fragment", "Fragment of its grain, 0: the largest", "", "stress"),
+    Field("crack", "Softening of its worst facet, 1: failed", "", "stress"),
 )
 
 

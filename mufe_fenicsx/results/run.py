@@ -48,6 +48,13 @@ class _Table(pandas.DataFrame):
             raise InputError(f"the table has no column: {shortened(error.args[0])}") from None
 
 
+def _of(table, within):
+    """A table of contacts or patches; with those of pieces of one grain, or without."""
+    if within:
+        return table
+    return table[table["grain_a"] != table["grain_b"]].reset_index(drop=True)
+
+
 class Run:
     """A run folder: finished, still running, or killed.
 
@@ -150,21 +157,25 @@ class Run:
             return ()
         return () if membrane is None else (membrane["label"],)
 
-    def contacts(self, number: int = -1) -> pandas.DataFrame:
+    def contacts(self, number: int = -1, within: bool = False) -> pandas.DataFrame:
         """Contacts of a stored state as stored, open ones too: a row a pair of bodies.
+
+        Those between pieces of one grain, of which it is both, are there only ``within``.
 
         :meth:`active_contacts` has those that carry a force, and more of each. Columns:
         :data:`mufe_fenicsx.output.contacts.CONTACT_COLUMNS`.
         """
-        return self._network(number)[0]
+        return _of(self._network(number)[0], within)
 
-    def patches(self, number: int = -1) -> pandas.DataFrame:
+    def patches(self, number: int = -1, within: bool = False) -> pandas.DataFrame:
         """Patches of contact of a stored state, and how facets resolve them: a row a patch.
+
+        ``within`` as of :meth:`contacts`.
 
         Columns: :data:`mufe_fenicsx.output.contacts.PATCH_COLUMNS`.
         """
         table = _Table(read_patches(self.path, self.state(number).index))
-        return described(table, "patches")
+        return _of(described(table, "patches"), within)
 
     def grains(self, number: int = -1) -> pandas.DataFrame:
         """Contacts' sums of each grain of a stored state as stored, a row a grain.
@@ -284,6 +295,33 @@ class Run:
         See :func:`mufe_fenicsx.results.sample_tables.breakage`.
         """
         return described(sample_tables.breakage(self), "breakage")
+
+    @property
+    def events(self) -> pandas.DataFrame:
+        """What opened in grains that break, a row for the facets of a grain that did together.
+
+        Columns: ``time`` [s], ``strain``, ``stage``, ``grain``, middle ``x``, ``y``, ``z`` [m],
+        ``area`` [m²], ``mode``, ``energy`` to open them [J] and mean ``strength`` drawn [Pa].
+
+        Raises:
+            InputError: Its grains cannot break: there is no events.csv.
+        """
+        return described(self._of_fracture("events"), "events")
+
+    @property
+    def strengths(self) -> pandas.DataFrame:
+        """Strengths that were drawn for grains that break, a row a grain.
+
+        Columns: ``grain``, ``volume`` [m³], ``num_facets``, and the ``least``, ``median`` and
+        ``largest`` of their strengths [Pa]; with ``scatter = "grain"`` all three are one.
+
+        Raises:
+            InputError: Its grains cannot break: there is no strengths.csv.
+        """
+        return described(self._of_fracture("strengths"), "strengths")
+
+    def _of_fracture(self, name):
+        return _Table(read_history(self.path / f"{name}.csv"))
 
     def network(self) -> pandas.DataFrame:
         """Fabric, coordination, sliding and force chains at each stored state, a DataFrame.

@@ -296,6 +296,7 @@ def _last_row(history):
             *("step", "time", "dt", "stage", "strain", "height", "speed", "stress"),
             *("force_z_max", "force_z_min", "num_contacts", "num_active_contacts"),
             *("elements_per_radius", "elements_per_radius_tenth", "overlap"),
+            *("num_opened", "num_fragments", "broken_grains", "cracks_fracture"),
         )
         if name in values
     }

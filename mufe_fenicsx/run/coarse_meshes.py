@@ -32,8 +32,13 @@ def coarse_zones(simulation):
 
 
 def warning_of_coarse_meshes(simulation):
-    """A line where most edges of the sample's grains are sharp, or None. Collective."""
+    """A line where most edges of the sample's grains are sharp, or None. Collective.
+
+    None once cracks are open, whose edges all are: the run told of its first mesh then.
+    """
     mesh, own = simulation.mesh, simulation.contact.own
+    if mesh.version:
+        return None
     sharp = own.sharp_edge[own.grain_of_facet < mesh.num_sample_grains]
     num_sharp, num_edges = simulation.comm.allreduce(np.array([sharp.sum(), sharp.size]))
     if num_sharp <= MOST_SHARP * num_edges:

@@ -1,13 +1,16 @@
-"""The table of what opened in grains that break."""
+"""Tables of grains that break: the strengths that they were given, and what opened."""
 
+from ..bulk.cracks.cracks import STRENGTHS
 from ..output.history import HistoryWriter
 
 #: Columns of events.csv: facets of a grain that opened together, by time.
-COLUMNS = ("time", "strain", "stage", "grain", "x", "y", "z", "area", "mode", "energy")
+COLUMNS = (
+    *("time", "strain", "stage", "grain", "x", "y", "z", "area", "mode", "energy", "strength"),
+)
 
 
 class EventTable:
-    """Writes events.csv where grains can break, else nothing. Collective, as its methods.
+    """Writes events.csv and strengths.csv where grains can break. Collective, as its methods.
 
     Args:
         folder: The run folder.
@@ -21,6 +24,11 @@ class EventTable:
             self._table = HistoryWriter(
                 folder / "events.csv", COLUMNS, simulation.comm, kept.get("bytes"), kept.get("rows")
             )
+        for term in self.terms:
+            rows = term.strengths_of_grains()
+            with HistoryWriter(folder / "strengths.csv", STRENGTHS, simulation.comm) as table:
+                for row in rows:
+                    table.append(dict(zip(STRENGTHS, row, strict=True)))
 
     @property
     def kept(self):
@@ -36,4 +44,4 @@ class EventTable:
                 place = dict(zip("xyz", map(float, event.place), strict=True))
                 row = {"time": event.time, "strain": strain, "stage": stage, "grain": event.grain}
                 row |= place | {"area": event.area, "mode": event.mode, "energy": event.energy}
-                self._table.append(row)
+                self._table.append(row | {"strength": event.strength})

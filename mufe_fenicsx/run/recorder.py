@@ -22,8 +22,9 @@ from ..output.tools import ToolWriter
 from .energy_guard import EnergyGuard
 from .event_table import EventTable
 
-#: Columns of the history where grains can break: pieces of broken grains, and how many these are.
-BROKEN = ("num_fragments", "broken_grains")
+#: Columns of the history where grains can break: pieces of broken grains, how many these are, and
+#: facets that opened, their area and what of it bears no more [m²].
+BROKEN = ("num_fragments", "broken_grains", "num_opened", "opened_area", "failed_area")
 #: Volume in which grains overlap over theirs, from which on a test means nothing.
 MOST_OVERLAP = 0.2
 
@@ -189,9 +190,10 @@ class Recorder:
         if sim.specimen.opening_terms:
             pieces = sim.mesh.num_pieces[sim.mesh.is_of_sample]
             broken = pieces[pieces > 1]
-            row.update(
-                zip(BROKEN, sim.comm.allreduce(np.array([broken.sum(), broken.size])), strict=True)
-            )
+            opened = sum(term.opened_and_failed() for term in sim.specimen.opening_terms)
+            numbers = sim.comm.allreduce(np.array([broken.sum(), broken.size, *opened]))
+            row |= dict(zip(BROKEN, numbers.tolist(), strict=True))
+            row |= {name: int(row[name]) for name in BROKEN[:3]}
         self.history.append(row)
         self._check_overlap(overlap)
         self.last["row"] = sim.state.num_steps
@@ -265,7 +267,7 @@ class Recorder:
                 ),
                 "pressure": Computed((num_cells,), lambda rows: -solid.mean_stress(state, rows)),
                 "plastic_strain": state.plastic_strain[:num_cells],
-                **self._fragments(num_cells),
+                **self._broken(num_cells),
                 **({"plastic_work": Computed((num_cells,), work)} if dents.any else {}),
             },
         )
@@ -282,13 +284,17 @@ class Recorder:
         self.num_states += 1
         self.last["state"] = state.num_steps
 
-    def _fragments(self, num_cells):
-        """Field of the pieces of grains, none where grains cannot break. Local."""
-        if not self.simulation.specimen.opening_terms:
+    def _broken(self, num_cells):
+        """Fields of grains that can break: their pieces, and what terms know of cells. Local."""
+        terms = self.simulation.specimen.opening_terms
+        if not terms:
             return {}
         piece = self.simulation.mesh.piece_of_cell
         whole = np.zeros(num_cells, dtype=np.int32)
-        return {"fragment": whole if piece is None else piece[:num_cells]}
+        found = {"fragment": whole if piece is None else piece[:num_cells]}
+        for term in terms:
+            found |= {name: values[:num_cells] for name, values in term.cell_fields().items()}
+        return found
 
     def _note(self, names, mesh=None):
         """Record files that were written; rank 0 does so, whose checkpoint header counts."""

@@ -88,9 +88,19 @@ def of_end(simulation):
         **dict(zip(closed, comm.allreduce(contact.counts()).tolist(), strict=True)),
     }
     if simulation.specimen.opening_terms:
-        numbers = asdict(_breakage(simulation))
+        numbers = asdict(_breakage(simulation)) | _opened(simulation)
         found["breakage"] = {k: v if math.isfinite(v) else None for k, v in numbers.items()}
     return found | masses(simulation)
+
+
+def _opened(simulation):
+    """Facets that opened, their area, what of it bears no more, and its work. Collective."""
+    terms, state = simulation.specimen.opening_terms, simulation.state
+    work = sum(term.parts_of_energy(state).get("fracture", 0.0) for term in terms)
+    own = np.array([*sum(term.opened_and_failed() for term in terms), work])
+    number, *rest = simulation.comm.allreduce(own).tolist()
+    names = "opened_area", "failed_area", "fracture_work"
+    return {"num_opened": int(number)} | dict(zip(names, rest, strict=True))
 
 
 def _breakage(simulation):

@@ -89,13 +89,16 @@ def _put(tables, dotted, text):
     *names, key = dotted.split(".")
     at = tables
     for number, name in enumerate(names):
+        so_far, expected = ".".join(names[: number + 1]), ""
         if isinstance(at, list):
+            rows = ".".join(names[:number])
+            expected = f", expected {rows}.1 to {rows}.{len(at)}"
             index = int(name) if name.isdecimal() else 0
             at = at[index - 1] if 1 <= index <= len(at) else None
         else:
             at = at.setdefault(name, {})
         if not isinstance(at, dict | list):
-            raise InputError(f"{'.'.join(names[: number + 1])} is no table of the scene")
+            raise InputError(f"{so_far} is no table of the scene{expected}")
     if isinstance(at, list):
         raise InputError(f"{dotted}, expected {'.'.join(names)}.1.{key} or another number")
     try:

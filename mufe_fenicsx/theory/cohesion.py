@@ -38,3 +38,43 @@ def fragment_size_zhou(E, rho, rate, energy, strength):
     wave = math.sqrt(E / rho)
     x = rate * E**2 * energy / (wave * strength**3)
     return E * energy / strength**2 * 4.5 / (1.0 + 0.77 * x**0.25 + 5.4 * x**0.75)
+
+
+def tension_on_plane(angle, shear_ratio):
+    """Tension over σ at which a plane opens whose normal is turned by an angle from it [-].
+
+        1/(cos α √(cos²α + sin²α/β²))
+
+    Source: the effective traction of G. T. Camacho, M. Ortiz, as above.
+    """
+    cos, sin = math.cos(angle), math.sin(angle)
+    return 1.0 / (cos * math.hypot(cos, sin / shear_ratio))
+
+
+def compression_on_plane(angle, shear_ratio, friction):
+    """The same of a compression: β/(sin α cos α - μ cos²α), inf where friction holds the plane.
+
+    Source: C. A. Coulomb's law with cohesion βσ.
+    """
+    drives = math.sin(angle) * math.cos(angle) - friction * math.cos(angle) ** 2
+    return shear_ratio / drives if drives > 0.0 else math.inf
+
+
+def compressive_strength(shear_ratio, friction):
+    """Compression over σ at which the weakest of all planes slips: 2β(√(1 + μ²) + μ).
+
+    Source: Mohr and Coulomb; J. C. Jaeger, N. G. W. Cook, Fundamentals of Rock Mechanics, 1979,
+    section 4.6.
+    """
+    return 2.0 * shear_ratio * (math.hypot(1.0, friction) + friction)
+
+
+def weibull_modulus(strengths):
+    """Modulus m of some strengths, by the line of ln(-ln P) over ln σ, P = 1 - (k - 1/2)/n [-].
+
+    Source: G. R. McDowell, M. D. Bolton, Géotechnique 48, 1998, 667-679; ranks k of n as of
+    J. Hazen.
+    """
+    ordered = np.sort(strengths)
+    survive = 1.0 - (np.arange(ordered.size) + 0.5) / ordered.size
+    return float(np.polyfit(np.log(ordered), np.log(-np.log(survive)), 1)[0])

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 
 from ..errors import InputError, SolverError, nearest_name
 from .again import closed_loop, pressed_again
+from .ball_crushing import ball_crushing
 from .bar_impact import bar_impact
 from .bar_in_tension import bar_in_tension
 from .brazilian_disc import brazilian_disc
@@ -17,6 +18,7 @@ from .cohesive_facet import cohesive_facet
 from .column import column
 from .cracked_strip import cracked_strip
 from .crush import crush
+from .crushing_strengths import crushing_strengths
 from .curved_walls import confined_cylinder, curved_walls
 from .damaged_block import damaged_block
 from .energy import energy
@@ -110,6 +112,8 @@ CASES = (
         cracked_strip,
         expanding_ring,
         brazilian_disc,
+        ball_crushing,
+        crushing_strengths,
         kalthoff_winkler,
         branching_plate,
         segmentation,

@@ -39,10 +39,10 @@ def damaged_block(
         friction: Of facets that are pressed; it damps, so that nothing need grow without a dashpot.
     """
     lost = damage_from, damage_to
-    s, block = _block(comm, cubes, share, lost, factor, damping, friction)
-    energies = _course(s, steps)
-    free, _ = _block(comm, cubes, share, lost, factor, 0.0, friction)
-    wild = _course(free, undamped_steps)
+    s, block = block_in_motion(comm, cubes, share, lost, factor, damping, friction)
+    energies = course_of_energies(s, steps)
+    free, _ = block_in_motion(comm, cubes, share, lost, factor, 0.0, friction)
+    wild = course_of_energies(free, undamped_steps)
     results = {
         "largest energy over that of the start": compare(
             max(energies.max() / energies[0] - 1.0, 0.0), 0.0, 1e-6, scale=1.0
@@ -59,7 +59,7 @@ def damaged_block(
     return results, [s, free]
 
 
-def _block(comm, cubes, share, lost, factor, damping, friction=0.0):
+def block_in_motion(comm, cubes, share, lost, factor, damping, friction=0.0):
     """A simulation in motion whose opened facets have lost a part of their stiffness."""
     random = np.random.default_rng(1)
     s = build(
@@ -83,12 +83,12 @@ def _block(comm, cubes, share, lost, factor, damping, friction=0.0):
     return s, block
 
 
-def _course(s, steps):
+def course_of_energies(s, steps):
     """Energies that can come back, of the start and of ``LOOKS`` times [J]."""
     found = []
     for k in range(LOOKS + 1):
         while s.state.num_steps - 1 < k * steps // LOOKS:
             s.step(everywhere=False)
         e = s.energies()
-        found.append(e["kinetic"] + e["elastic"] + e["cracks_stored"])
+        found.append(e["kinetic"] + e["elastic"] + e["cracks_stored"] + e["cracks_opening"])
     return np.array(found)

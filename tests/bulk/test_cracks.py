@@ -15,7 +15,7 @@ from mufe_fenicsx.materials.fracture import Fracture, uniform
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.verification.cohesive_facet import cohesive_facet
-from mufe_fenicsx.verification.damaged_block import _block, _course
+from mufe_fenicsx.verification.damaged_block import block_in_motion, course_of_energies
 from tests.bulk.test_growth import written
 
 COMM, ALONE = MPI.COMM_WORLD, MPI.COMM_SELF
@@ -89,6 +89,7 @@ def test_law_against_its_twin(first):
     first = np.array(first) * SIGMA
     forces.begin(np.arange(3), np.tile(first, (3, 1)), x)
     twin, opening, before, work = Twin(2e-7 * SIGMA, k, beta, friction, first), 0.0, first, 0.0
+    accounts = [forces.energies(x)]
     # All corners alike, so that the facet's frame stays that of space.
     for n in range(6000):
         if n % 300 == 0:
@@ -102,8 +103,16 @@ def test_law_against_its_twin(first):
         assert np.abs(bears - wanted).max() < 1e-9 * SIGMA
         work += 0.5 * (before + wanted) @ drift
         before = wanted
+        accounts.append(forces.energies(x))
     assert (points["furthest"] > twin.zero + twin.limit).all()
-    assert forces.energies(x).sum() / area[0] == pytest.approx(work, rel=1e-3)
+    assert accounts[-1].sum() / area[0] == pytest.approx(work, rel=1e-3)
+    forces.leave(np.array([0]), x)  # as where pieces part: springs are rubbed off
+    accounts.append(forces.energies(x))
+    stored, *lost, _, opening = np.array(accounts).T / area[0]
+    assert stored.min() >= 0.0 == stored[-1] and sum(accounts[0]) == pytest.approx(0.0, abs=1e-20)
+    # What is lost never comes back, to rounding of sums of squares. Springs began with energy.
+    assert all(np.diff(of).min() > -1e-12 * work for of in lost)
+    assert opening.max() <= 0.0 and sum(accounts[-1]) == pytest.approx(sum(accounts[-2]), rel=1e-9)
 
 
 def test_case_of_one_facet():
@@ -215,8 +224,8 @@ def test_a_damaged_chain_gains_no_energy_but_without_its_dashpot():
     """Steps of 0.9 of the limit; the longer case is `mufe verify damaged-block`."""
     ratio = {}
     for damping in (0.07, 0.0):
-        s, _ = _block(ALONE, 2, 1.0, (0.5, 0.95), 0.9, damping)
-        energies = _course(s, 6_000)
+        s, _ = block_in_motion(ALONE, 2, 1.0, (0.5, 0.95), 0.9, damping)
+        energies = course_of_energies(s, 6_000)
         ratio[damping] = energies[-1] / energies[0]
     assert ratio[0.07] < 0.5 and ratio[0.0] > 1.01
 

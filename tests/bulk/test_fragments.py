@@ -101,6 +101,14 @@ def test_halves_of_a_brick_are_two_bricks(points, rel):
     between = [n.contacts.force[n.contacts.b < n.labels.size] for n in (mine, theirs)]
     assert between[0] == pytest.approx(between[1], abs=rel * np.abs(between[1]).max())
     assert mine.num_active().tolist() == [0] and mine.num_fragments.tolist() == [2]
+    # What pieces of one grain do to each other is no contact of grains, in any table.
+    assert mine.contacts.within.sum() == theirs.num_active()[0] == 1
+    assert (one.mean_active_contacts(), two.mean_active_contacts()) == (0.0, 1.0)
+    assert (one.num_active_grains(), two.num_active_grains()) == (1, 2)
+    assert [p.between_grains.sum() > 0 for p in (mine.patches, theirs.patches)] == [False, True]
+    assert mine.patches.force_share[mine.patches.with_walls].sum() == pytest.approx(1.0)
+    at_walls = one.walls.pairs.closed.sum()
+    assert one.contact.counts()[0] == at_walls < two.contact.counts()[0]
 
 
 def platens(comm=ALONE, balls=1):

@@ -127,6 +127,15 @@ def test_a_packing_under_a_stress_is_fine_at_contacts_and_goes_on_from_it(tmp_pa
     assert min(far) > 1.25 * near  # none is far from all contacts
 
 
+def test_one_grain_of_a_size(tmp_path):
+    """Walls meet it on all sides, and cut no more of it than they need to bear."""
+    pack("pack", "--spheres", "--count", "1", "--points", "50", "--d50", "0.6 mm",
+         "--element-size", "150 um", "-o", tmp_path / "one")  # fmt: skip
+    grains = load_grains(tmp_path / "one" / "grains")
+    assert grains.num_grains == 1 and grains.volumes[0] <= np.pi / 6 * 0.6e-3**3
+    assert (np.ptp(grains.box, axis=0) > 0.9 * 0.6e-3).all()
+
+
 def test_given_meshes_are_turned_and_scaled(tmp_path):
     """Volumes follow the sizes asked for, and the mesh is that given but where walls touch it."""
     save_grains(tmp_path / "given", column_of_balls(1))

@@ -8,6 +8,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.cli.main import main
+from mufe_fenicsx.cli.watch import _line
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_lock import RunLock
 from mufe_fenicsx.results.watch import Watch
@@ -78,6 +79,11 @@ def test_a_run_from_its_start_to_its_end(tmp_path):
     assert watch.look().values["step"] == 1500
     run.write(row(1900, 0.022), seconds=4)
     assert watch.look().steps_per_second == 100  # rows before it went back do not count
+    assert "facets" not in _line(watch.look())
+    run.rows[0] += ",num_opened,num_fragments,broken_grains,cracks_fracture"
+    run.rows[1:] = [f"{line},7,3,1,2.5e-6" for line in run.rows[1:]]
+    run.write(seconds=0)
+    assert "; 7 facets opened, 3 fragments of 1 grains, fracture work 2.5 µJ" in _line(watch.look())
     run.summary(finished=True, stop_reason="final strain reached", num_steps=9, wall_s=3.0)
     now = watch.look()
     assert now.ended and now.state == "finished" and now.seconds_left is None

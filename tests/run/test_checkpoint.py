@@ -165,10 +165,13 @@ def serial():
         pytest.skip("starts processes of its own")
 
 
-def start(folder, name, num_ranks=1, resume=False, **changes):
-    """Start the command `mufe run` with a checkpoint every 20 steps, as an MPI world of its own."""
+def start(folder, name, num_ranks=1, resume=False, of=None, **changes):
+    """Start the command `mufe run` as an MPI world of its own.
+
+    Of the scene ``of``, or of that above with a checkpoint every 20 steps.
+    """
     path = folder / "scene.toml"
-    path.write_text(scene_to_toml(scene(checkpoint_steps=20, **changes)))
+    path.write_text(scene_to_toml(of or scene(checkpoint_steps=20, **changes)))
     command = [sys.executable, "-m", "mufe_fenicsx", "run", path, "--grains", folder / "grains"]
     command += ["-o", folder / name, "--quiet", *(["--resume"] if resume else [])]
     if num_ranks > 1:
@@ -233,13 +236,13 @@ def _words(process):
     return b""
 
 
-def kill_and_resume(folder, name, kills, chance, num_ranks=1):
-    """Kill a run so often at random moments, some of them while it starts to go on.
+def kill_and_resume(folder, name, kills, chance, num_ranks=1, of=None):
+    """Kill a run so often at random moments, some of them while it starts to go on; of as above.
 
     Returns:
         For each time that it was killed, whether it was one rank alone.
     """
-    killed, process = [], start(folder, name, num_ranks)
+    killed, process = [], start(folder, name, num_ranks, of=of)
     for _ in range(kills):
         known = any((folder / name).glob("checkpoints/step-*[0-9]"))
         if known and chance.random() < 0.25:
@@ -252,7 +255,7 @@ def kill_and_resume(folder, name, kills, chance, num_ranks=1):
         killed.append(_kill(process, one_rank=num_ranks > 1 and chance.random() < 0.5))
         if json.loads((folder / name / "run.json").read_text())["finished"]:
             return killed  # while it was leaving
-        process = start(folder, name, num_ranks, resume=True)
+        process = start(folder, name, num_ranks, resume=True, of=of)
     _, error = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, error
     return killed

@@ -9,10 +9,11 @@ from mpi4py import MPI
 from mufe_fenicsx.bulk.tools import Tool
 from mufe_fenicsx.geometry.bodies.shapes import box, sphere
 from mufe_fenicsx.materials.elastic import Elastic
-from mufe_fenicsx.run.coarse_meshes import warning_of_coarse_meshes
+from mufe_fenicsx.run.coarse_meshes import MOST_SHARP, warning_of_coarse_meshes
 from mufe_fenicsx.run.from_bodies import build
 
 SIZE = 1e-3
+BOX = (0, 0, 0), (SIZE,) * 3
 COUNT = max(MPI.COMM_WORLD.size, 2)
 
 
@@ -45,3 +46,11 @@ def test_a_ball_is_smooth_up_to_the_edges_that_the_line_asks_for():
     # The mesh has a little less volume than the ball.
     assert wanted == pytest.approx(0.45 * SIZE, rel=0.06)
     assert warning(sphere(SIZE, wanted)) is None
+
+
+def test_faces_of_cracks_are_not_counted_as_a_run_goes_on():
+    """All edges of a brick that is cut into its cells are sharp, and say nothing of its mesh."""
+    s = build(MPI.COMM_SELF, [box((SIZE,) * 3, (2, 2, 2))], Elastic(1e9, 0.2, 2500.0), *BOX, "")
+    s.grow(s.mesh.inner_facets()[1])
+    own = s.contact.own
+    assert own.sharp_edge.mean() > MOST_SHARP and warning_of_coarse_meshes(s) is None

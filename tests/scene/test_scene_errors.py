@@ -238,6 +238,8 @@ def test_stages_are_changed_by_their_numbers(tmp_path):
     path = tmp_path / "test.toml"
     path.write_text(KINDS["triaxial"][0], encoding="utf-8")
     assert load_scene(path, {"stage.2.hold": "3 us"}).stages[1].hold == 3e-6
+    with pytest.raises(InputError, match=r"stage.0 is no table .*, expected stage.1 to stage.3"):
+        load_scene(path, {"stage.0.hold": "3 us"})
     for key, said in (("stage.9.hold", "stage.9 is no table"), ("stage.hold", "stage.1.hold")):
         with pytest.raises(InputError, match=said):
             load_scene(path, {key: "1 s"})

@@ -128,6 +128,13 @@ def test_commands(tmp_path, capsys):
     assert "expected oedometer.speed" in capsys.readouterr().err
     assert mufe("scene") == 2 and "expected SCENE" in capsys.readouterr().err
     assert mufe("scene", "x.toml", "--schema") == 2 and "expected" in capsys.readouterr().err
+    scene = tmp_path / "a/scene.toml"
+    assert mufe("new", "crushing", "-o", tmp_path / "a") == 0
+    assert mufe("scene", scene, "--set", "stage.2.z.strain=0.02", "--set", "fracture.seed=7") == 0
+    said = capsys.readouterr().out
+    assert "z = { strain = 0.02" in said and "seed = 7" in said
+    assert mufe("scene", scene, "--explain", "fracture", "--set", "fracture.seed=7") == 2
+    assert "--set beside" in capsys.readouterr().err
     assert mufe("new", "oedometr", "-o", tmp_path / "x") == 2
     assert "expected oedometer" in capsys.readouterr().err and not (tmp_path / "x").exists()
 

@@ -27,8 +27,12 @@ class Event(NamedTuple):
     area: float  #: [m²]
     mode: str  #: "tension" or "shear", what bears more
     energy: float  #: that it takes to open them [J]
+    strength: float  #: drawn for them, mean by area [Pa]
 
 
+#: Columns of :meth:`Cracks.strengths_of_grains`: label, volume [m³], facets that may open, and the
+#: least, the median and the largest of their strengths [Pa].
+STRENGTHS = ("grain", "volume", "num_facets", "least", "median", "largest")
 #: Steps from one look at all cells to the next; those near a strength are looked at in each.
 STEPS_BETWEEN_LOOKS = 4
 #: Facets beside those that soften open at this part of their strength: nodes at a front of cracks
@@ -81,12 +85,8 @@ class Cracks(ForceTerm):
         self.mesh, solid, self.fracture = specimen.mesh, specimen.solid, fracture
         self.facets = facets = Facets(self.mesh, solid.volume0)
         self._E = np.array([m.E for m in solid.materials])[facets.grain]
-        label, grain = self.mesh.labels[self.mesh.grains], self.mesh.grains[facets.grain]
-        names, volume = np.column_stack([label[facets.grain], facets.name]), facets.volume
-        if fracture.scatter == "grain":
-            names = names[:, :1]
-            volume = np.add.reduceat(solid.volume0, self.mesh.cell_offset[:-1])[facets.grain]
-        self.strength = fracture.strengths(names, volume, facets.height, self._E)
+        self._solid, grain = solid, self.mesh.grains[facets.grain]
+        self.strength = self.drawn()
         if fracture.friction is None:
             friction = specimen.contact.friction
             rows = friction.rows(grain, grain)
@@ -102,6 +102,16 @@ class Cracks(ForceTerm):
         self._follow(solid)
 
     # --- which facets are open ------------------------------------------------------------
+
+    def drawn(self):
+        """Strengths of all facets while they are whole [Pa], shape (num_facets,). Local."""
+        facets, mesh = self.facets, self.mesh
+        label = mesh.labels[mesh.grains][facets.grain]
+        names, volume = np.column_stack([label, facets.name]), facets.volume
+        if self.fracture.scatter == "grain":
+            names = names[:, :1]
+            volume = np.add.reduceat(self._solid.volume0, mesh.cell_offset[:-1])[facets.grain]
+        return self.fracture.strengths(names, volume, facets.height, self._E)
 
     def _open(self, rows):
         """Take facets into the list of open ones. Local."""
@@ -248,11 +258,30 @@ class Cracks(ForceTerm):
 
     # --- pieces that come loose -----------------------------------------------------------
 
+    def _spent(self):
+        """Part of the softening of each point that is done: 1 failed, (num_opened, 3). Local."""
+        p = self.points
+        part = (p["furthest"] - p["strength"] / p["stiffness"]) / p["ultimate"]
+        part[p["open"] == 0.0] = 0.0
+        part[p["open"] < 0.0] = 1.0
+        return np.clip(part, 0.0, 1.0)
+
     def _holds(self):
         """Whether a point of each open facet is still whole, or softens. Local."""
-        p = self.points
-        failed = p["furthest"] - p["strength"] / p["stiffness"] >= p["ultimate"]
-        return ~((failed & (p["open"] != 0.0)) | (p["open"] < 0.0)).all(axis=1)
+        return (self._spent() < 1.0).any(axis=1)
+
+    def opened_and_failed(self):
+        """As of the term: a point that has failed counts for a third of its facet. Local."""
+        area = self.facets.area[self.opened]
+        failed = area @ (self._spent() == 1.0).mean(axis=1)
+        return np.array([area.size, area.sum(), failed])
+
+    def cell_fields(self):
+        """``crack``: softening of the worst facet of each cell, 0 none opened, 1 failed. Local."""
+        worst, spent = np.zeros(self.mesh.num_cells), self._spent().mean(axis=1)
+        for side in self.facets.across[self.opened].T:
+            np.maximum.at(worst, side, spent)
+        return {"crack": worst}
 
     def holding(self):
         """As of the term: across what has not failed at all of its points. Local."""
@@ -336,7 +365,21 @@ class Cracks(ForceTerm):
         points["stiffness"][which] = k
         points["damper"][which] = 2.0 * self.fracture.damping * np.sqrt(k * per_area)
 
-    # --- what is kept ---------------------------------------------------------------------
+    # --- what is kept and told ------------------------------------------------------------
+
+    def strengths_of_grains(self):
+        """Strengths that were drawn, grain by grain, of all ranks. Collective.
+
+        Returns:
+            Rows of :data:`STRENGTHS`, one a grain in the order of the labels, on all ranks.
+        """
+        drawn, mesh, rows = self.drawn(), self.mesh, []
+        volume = np.add.reduceat(self._solid.volume0, mesh.cell_offset[:-1])
+        for k in np.unique(self.facets.grain):
+            own = drawn[self.facets.grain == k]
+            label = int(mesh.labels[mesh.grains[k]])
+            rows.append((label, volume[k], own.size, own.min(), np.median(own), own.max()))
+        return sorted(row for some in mesh.comm.allgather(rows) for row in some)
 
     def tables(self):
         """Open facets and their points."""
@@ -375,7 +418,7 @@ class Cracks(ForceTerm):
                     state.t, int(self.mesh.labels[self.mesh.grains[k]]),
                     area[mine] @ place[mine] / total, total,
                     "tension" if along[mine].sum() > across[mine].sum() else "shear",
-                    self.fracture.energy * total,
+                    self.fracture.energy * total, area[mine] @ self.strength[rows[mine]] / total,
                 )
             )  # fmt: skip
 

@@ -37,14 +37,15 @@ class RowTable(Stateful):
         """Names of what a checkpoint keeps of each pair."""
         return ("next_check", *self.row.kept)
 
-    def counts(self):
-        """Numbers of closed pairs, and of those with an offset of the start, shape (2,)."""
-        return np.array([self.closed.sum(), (self.closed & (self.offset != 0.0)).sum()])
+    def counts(self, which=True):
+        """Numbers of closed pairs, and of those with an offset, of those flagged, shape (2,)."""
+        closed = self.closed & which
+        return np.array([closed.sum(), (closed & (self.offset != 0.0)).sum()])
 
-    def num_at_largest(self, recess=0.0):
+    def num_at_largest(self, which=True, recess=0.0):
         """Number of closed pairs at their largest force, with a ``recess`` of contact [m]."""
         depth = self.offset - self.gap - recess
-        return (self.closed & (depth > self.largest_depth)).sum()
+        return (self.closed & which & (depth > self.largest_depth)).sum()
 
 
 class PairTable(RowTable):

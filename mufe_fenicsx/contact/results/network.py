@@ -52,6 +52,11 @@ class Contacts:
         return self.num_points > 0
 
     @property
+    def within(self):
+        """Whether it is between pieces of one grain, shape (num_contacts,)."""
+        return self.a == self.b
+
+    @property
     def normal_force(self):
         """Component of the force along the mean normal [N], shape (num_contacts,)."""
         return np.einsum("ij,ij->i", self.force, self.normal)
@@ -80,7 +85,7 @@ class Network:
         The first is N_cA of Nadimi & Fonseca (2018).
         """
         c, n = self.contacts, self.labels.size
-        wanted = c.active & ((c.b >= n) == walls) & (c.a != c.b)
+        wanted = c.active & ((c.b >= n) == walls) & ~c.within
         count = np.bincount(c.a[wanted], minlength=n)
         return count if walls else count + np.bincount(c.b[wanted], minlength=n)
 
@@ -162,6 +167,7 @@ def num_active_pairs(contact, num_grains=None):
     mine, other = contact.points.grain_of_point[p.node[on]], p.grain[on]
     points = np.column_stack([np.minimum(mine, other), np.maximum(mine, other)])
     found = np.unique(np.vstack([points, contact.edges.closed_grains()]), axis=0)
+    found = found[found[:, 0] != found[:, 1]]  # of pieces of one grain
     if num_grains is not None:
         found = found[found[:, 1] < num_grains]
     parts = contact.comm.gather(found)
@@ -170,13 +176,13 @@ def num_active_pairs(contact, num_grains=None):
 
 
 def num_active_grains(contact, num_grains):
-    """Number of grains with a closed contact, of the first ``num_grains`` bodies. Collective."""
+    """Number of grains that press on another or a wall, of the first ``num_grains``. Collective."""
     active = np.zeros(contact.dissipation.num_grains, dtype=bool)
     p, w, grain_of_point = contact.pairs, contact.walls.pairs, contact.points.grain_of_point
-    active[grain_of_point[p.node[p.closed]]] = True
-    active[p.grain[p.closed]] = True
+    both = np.column_stack([grain_of_point[p.node[p.closed]], p.grain[p.closed]])
+    both = np.vstack([both, contact.edges.closed_grains()])
+    active[both[both[:, 0] != both[:, 1]]] = True
     active[grain_of_point[w.node[w.closed]]] = True
-    active[contact.edges.closed_grains()] = True
     contact.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
     return int(active[:num_grains].sum())
 

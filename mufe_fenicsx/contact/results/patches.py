@@ -50,11 +50,17 @@ class Patches:
     elements_per_radius: np.ndarray  #: a/h
     moment: np.ndarray  #: second moments of their points over the area [m²], (num_patches, 3, 3)
     normal_force: np.ndarray  #: sum of its points [N]
-    force_share: np.ndarray  #: of the force of all between grains, or of all with walls
+    #: Of the force of all between grains, of all with walls, or of all between pieces of grains.
+    force_share: np.ndarray
     overlap: np.ndarray  #: volume within both bodies, beneath facets whose points are closed [m³]
     #: Reached in the elements of its facets [Pa], the lower one of both sides; inf: none yields.
     yield_stress: np.ndarray
-    between_grains: np.ndarray  #: whether b is a grain
+    between_grains: np.ndarray  #: whether b is another grain
+
+    @property
+    def with_walls(self):
+        """Whether b is a wall, shape (num_patches,); the rest is between pieces of one grain."""
+        return ~self.between_grains & (self.a != self.b)
 
     @property
     def elements_across(self):
@@ -247,8 +253,9 @@ def _patches(pair, sums, num_grains):
     edge, mean = sums[:, EDGE] / area, sums[:, PLACE:MOMENT] / area[:, None]
     moment = sums[:, MOMENT:KNOWN].reshape(-1, 3, 3) / area[:, None, None]
     moment -= mean[:, :, None] * mean[:, None]
-    between, share = pair[:, 1] < num_grains, np.zeros(len(area))
-    for kind in (between, ~between):
+    within, share = pair[:, 1] == pair[:, 0], np.zeros(len(area))
+    between = (pair[:, 1] < num_grains) & ~within
+    for kind in (between, within, ~between & ~within):
         share[kind] = force[kind] / (force[kind].sum() or 1.0)
     known, strength = sums[:, KNOWN:STRENGTH], sums[:, STRENGTH:OVERLAP]
     each = np.divide(strength, known, out=np.full(known.shape, np.inf), where=known > 0)

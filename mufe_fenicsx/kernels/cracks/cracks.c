@@ -23,7 +23,8 @@ static void frame_of(double frame[3][3], const double *x, const int32_t *node) {
   double e[2][3], *n = frame[0];
   for (int k = 0; k < 2; k++)
     for (int j = 0; j < 3; j++)
-      e[k][j] = x[3 * node[k + 1] + j] + x[3 * node[k + 4] + j] - x[3 * node[0] + j] - x[3 * node[3] + j];
+      e[k][j] =
+          x[3 * node[k + 1] + j] + x[3 * node[k + 4] + j] - x[3 * node[0] + j] - x[3 * node[3] + j];
   n[0] = e[0][1] * e[1][2] - e[0][2] * e[1][1];
   n[1] = e[0][2] * e[1][0] - e[0][0] * e[1][2];
   n[2] = e[0][0] * e[1][1] - e[0][1] * e[1][0];
@@ -51,8 +52,8 @@ static int is_lost(const point_type *p, const double w[3], double reach) {
   return has_failed(p) && square(w[0]) + square(w[1]) + square(w[2]) > square(reach);
 }
 
-void mufe_add_cracks(const cracks_type *c, double shear, const double *x, const double *v, double *f,
-                     double dt, int64_t num) {
+void mufe_add_cracks(const cracks_type *c, double shear, const double *x, const double *v,
+                     double *f, double dt, int64_t num) {
   const law_type law = {shear};
   for (int64_t i = 0; i < num; i++) {
     const int32_t *node = c->nodes + 6 * i;
@@ -87,8 +88,9 @@ void mufe_add_cracks(const cracks_type *c, double shear, const double *x, const 
   }
 }
 
-/* ``found``: sums of stored, fractured, rubbed and damped energy [J]. */
-void mufe_crack_energies(const cracks_type *c, double shear, const double *x, double *found, int64_t num) {
+/* ``found``: sums of stored, fractured, rubbed and damped energy, and of that begun with [J]. */
+void mufe_crack_energies(const cracks_type *c, double shear, const double *x, double *found,
+                         int64_t num) {
   const law_type law = {shear};
   for (int64_t i = 0; i < num; i++) {
     double frame[3][3], w[3];
@@ -102,6 +104,7 @@ void mufe_crack_energies(const cracks_type *c, double shear, const double *x, do
       found[1] += weight * fractured(p, law);
       found[2] += weight * p->rubbed;
       found[3] += weight * p->damped;
+      found[4] += weight * begun(p, law);
     }
   }
 }
@@ -147,17 +150,17 @@ void mufe_begin_cracks(const cracks_type *c, double shear, const double *x, cons
 
 /* In the order of kernels/cracks/cracks.py. */
 typedef struct {
-  const int32_t *cells;    /* nodes of cells */
-  const double *volume;    /* first volumes of cells */
-  const double *weakest;   /* least strength of the facets of each cell that are closed, inf: none */
-  const int32_t *across;   /* cells on both sides of a facet */
-  const uint8_t *corner;   /* corners of the first cell that are those of the facet */
-  const double *strength;  /* of the facets; inf: open, or never opens */
-  const double *friction;  /* of the facets */
-  uint8_t *near;           /* whether a cell has come near */
-  int64_t *listed;         /* facets beside such cells */
-  const double *softens;   /* from which effective traction on facets open at once, as strength */
-  int64_t *found;          /* facets that open */
+  const int32_t *cells;   /* nodes of cells */
+  const double *volume;   /* first volumes of cells */
+  const double *weakest;  /* least strength of the facets of each cell that are closed, inf: none */
+  const int32_t *across;  /* cells on both sides of a facet */
+  const uint8_t *corner;  /* corners of the first cell that are those of the facet */
+  const double *strength; /* of the facets; inf: open, or never opens */
+  const double *friction; /* of the facets */
+  uint8_t *near;          /* whether a cell has come near */
+  int64_t *listed;        /* facets beside such cells */
+  const double *softens;  /* from which effective traction on facets open at once, as strength */
+  int64_t *found;         /* facets that open */
 } facets_type;
 
 /* Whether some plane can bear an effective traction of ``least``, or a part of it that makes the bound
@@ -165,10 +168,12 @@ typedef struct {
    than the largest principal stress, at most m + 2/3 q, and shear q/√3. Where none is pulled
    |t_t| + μ t_n decides, at most (σ₁ - σ₃)/2 √(1 + μ²) + μ (σ₁ + σ₃)/2, where (σ₁ + σ₃)/2 is at most
    m + q/6. The part: what bears √(t_n² + (t_t/β)²) = 1 has |t_t| + μ t_n of at most √(β² + μ²). */
-static inline int can_bear(const double *s, double mean, double shear, double friction, double least) {
+static inline int can_bear(const double *s, double mean, double shear, double friction,
+                           double least) {
   const double q2 = 1.5 * (s[0] * s[0] + s[1] * s[1] + s[2] * s[2]) +
                     3.0 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5]);
-  const double sheared = q2 / (3.0 * shear * shear), part = least / sqrt(1.0 + square(friction / shear));
+  const double sheared = q2 / (3.0 * shear * shear),
+               part = least / sqrt(1.0 + square(friction / shear));
   /* First without a root: (a + b)² is at most 2 a² + 2 b². */
   if (2.0 * mean * mean + q2 * (8.0 / 9.0) + sheared < part * part) return 0;
   const double q = sqrt(q2), pulled = mean + q * (2.0 / 3.0);
@@ -186,8 +191,7 @@ static double mean_of(const facets_type *m, const double *pressure, int64_t c, i
 static void add_stress(double sum[6], const facets_type *m, const double *deviator,
                        const double *pressure, int64_t c, int averaged) {
   const double mean = mean_of(m, pressure, c, averaged);
-  for (int k = 0; k < 6; k++)
-    sum[k] += m->volume[c] * (deviator[6 * c + k] + (k < 3 ? mean : 0.0));
+  for (int k = 0; k < 6; k++) sum[k] += m->volume[c] * (deviator[6 * c + k] + (k < 3 ? mean : 0.0));
 }
 
 /* Marks cells that have come near the strength of a facet; returns how many. */

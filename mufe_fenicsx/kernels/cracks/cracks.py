@@ -24,8 +24,9 @@ OF_POINT = (
     "rubbed", "damped",
 )  # fmt: skip
 POINT = np.dtype([(name, float) for name in OF_POINT])
-#: Energies of :meth:`CrackForces.energies`.
-ENERGIES = ("stored", "fracture", "friction", "damping")
+#: Energies of :meth:`CrackForces.energies`. The last is what springs held as points opened, which
+#: nothing gave, as a negative number: less of it where points have softened, in whose energy it is.
+ENERGIES = ("stored", "fracture", "friction", "damping", "opening")
 
 
 @numba.njit(cache=True)
@@ -86,7 +87,7 @@ class CrackForces:
         )
 
     def energies(self, x):
-        """:data:`ENERGIES` since the facets opened [J], shape (4,)."""
+        """:data:`ENERGIES` since the facets opened [J], shape (5,)."""
         self._found[:] = 0.0
         self._energies(
             self._pointers.table, self._shear, address(x), address(self._found), self._num

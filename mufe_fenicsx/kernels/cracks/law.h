@@ -14,19 +14,19 @@
 
 /* What a point keeps; kernels/cracks/cracks.py names it, in this order. Per area of the facet. */
 typedef struct {
-  double open;       /* 1 from the parting of its node on, 0 before */
-  double start[3];   /* stretch of the spring when it opened: along the normal and across [m] */
-  double strength;   /* σ: effective traction from which on it softens [Pa] */
-  double ultimate;   /* δc: opening from there on to failure [m] */
-  double stiffness;  /* k [Pa/m] */
-  double furthest;   /* D [m] */
-  double anchor[2];  /* where the spring of friction is at rest [m] */
-  double pull[2];    /* stretch of that spring after the last step [m] */
-  double held;       /* that when the point opened [m] */
-  double damper;     /* viscosity of what has softened [Pa s/m] */
-  double drag[3];    /* what that bore in the last step [Pa] */
-  double rubbed;     /* work of friction [J/m²] */
-  double damped;     /* work of the damper [J/m²] */
+  double open;      /* 1 from the parting of its node on, 0 before */
+  double start[3];  /* stretch of the spring when it opened: along the normal and across [m] */
+  double strength;  /* σ: effective traction from which on it softens [Pa] */
+  double ultimate;  /* δc: opening from there on to failure [m] */
+  double stiffness; /* k [Pa/m] */
+  double furthest;  /* D [m] */
+  double anchor[2]; /* where the spring of friction is at rest [m] */
+  double pull[2];   /* stretch of that spring after the last step [m] */
+  double held;      /* that when the point opened [m] */
+  double damper;    /* viscosity of what has softened [Pa s/m] */
+  double drag[3];   /* what that bore in the last step [Pa] */
+  double rubbed;    /* work of friction [J/m²] */
+  double damped;    /* work of the damper [J/m²] */
 } point_type;
 
 typedef struct {
@@ -62,7 +62,8 @@ static inline double viscosity(const point_type *p, law_type law, const double w
 }
 
 /* Traction t [Pa] at an opening w; what the point keeps follows. ``friction``: μ. */
-static inline void bear(double t[3], point_type *p, law_type law, double friction, const double w[3]) {
+static inline void bear(double t[3], point_type *p, law_type law, double friction,
+                        const double w[3]) {
   if (!has_failed(p)) p->furthest = fmax(p->furthest, effective(law, w));
   const double s = secant(p), k = p->stiffness, across = square(law.shear) * s;
   const double e[2] = {w[1] - p->anchor[0], w[2] - p->anchor[1]};
@@ -100,14 +101,19 @@ static inline void begin(point_type *p, law_type law, double friction, const dou
   p->open = 1.0;
 }
 
-/* Energy since the point opened [J/m²]: stored, and lost in softening. Together they are the work of
-   the traction, friction's losses left out. */
+/* Energies [J/m²]: in the springs at an opening; less that with which they began, of what is not softened
+   since; and lost in softening. Together they are the work of the traction since the point opened,
+   friction's losses left out. Neither the first nor the last is ever negative, nor does that fall. */
+static inline double in_springs(const point_type *p, law_type law, const double w[3],
+                                double pulled) {
+  const double k = p->stiffness;
+  return 0.5 * (secant(p) * square(effective(law, w)) + k * (square(positive(-w[0])) + pulled));
+}
 static inline double stored(const point_type *p, law_type law, const double w[3]) {
-  const double s = secant(p), k = p->stiffness, *w0 = p->start;
-  double e = s * (square(effective(law, w)) - square(effective(law, w0)));
-  e += k * (square(positive(-w[0])) - square(positive(-w0[0])));
-  e += k * (square(p->pull[0]) + square(p->pull[1]) - square(p->held));
-  return 0.5 * e;
+  return in_springs(p, law, w, square(p->pull[0]) + square(p->pull[1]));
+}
+static inline double begun(const point_type *p, law_type law) {
+  return -in_springs(p, law, p->start, square(p->held));
 }
 static inline double fractured(const point_type *p, law_type law) {
   const double a = fmin(softened(p), p->ultimate), s = secant(p), d0 = first_opening(p);

@@ -24,7 +24,7 @@ class PackSettings:
     """Grains, their container and the way into it."""
 
     count: int | None = setting(
-        None, "", "number of grains; None: as many as the container holds", ge=2, le=MOST_GRAINS
+        None, "", "number of grains; None: as many as the container holds", ge=1, le=MOST_GRAINS
     )
     box: tuple | None = setting(
         None,

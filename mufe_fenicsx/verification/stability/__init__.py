@@ -8,6 +8,7 @@ from . import (
     between_points,
     close_contacts,
     conforming,
+    cracks,
     edge,
     friction,
     incompressible,
@@ -47,4 +48,5 @@ STABILITY = by_name(
     resting.resting,
     sleeve.sleeve_limits,
     newton.newton_limits,
+    cracks.cracks_limits,
 )
