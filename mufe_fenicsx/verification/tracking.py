@@ -16,7 +16,7 @@ from .case import at_least, case, compare
 
 
 @case("tracking", num_bodies=1)
-def tracking(comm, number=300, d50=20.0, angle=20.0, shift=0.5, strain=0.03, noise=0.06, seed=1):
+def tracking(comm, number=300, d50=32.0, angle=20.0, shift=0.5, strain=0.03, noise=0.06, seed=1):
     """Synthetic scan and a second one: grains found again, their displacements and rotations.
 
     Both scans are segmented by the default settings, each with noise of its own. Between them

@@ -1,22 +1,26 @@
 """Rigid motion of a grain between two scans: the six numbers that lay one image on the other.
 
 Both grains are their indicators, smoothed by a Gaussian, so that they have a slope at the surface.
-The motion x → c + R (x - c) + t is that of the least sum of squares of their difference
-over the voxels near the surface, coarse first and fine then.
+The motion x → c + R (x - c) + t is that of the least sum of squares of their difference over
+places near the surface, coarse first and fine then. Where grains touch, labels end by the
+watershed and not by the surface: places that fit badly are left out, and the motion is found again.
 
 Source: B. D. Lucas & T. Kanade, Proc. 7th IJCAI, 1981, 674-679, on labels instead of grey levels;
 least squares by J. J. Moré's Levenberg-Marquardt method (MINPACK, by SciPy).
 """
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
+from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-#: Standard deviations of the filter, coarse and fine [voxels].
-SMOOTHING = (2.5, 1.0)
-#: A voxel is near the surface if the smoothed indicator is between this and one less this.
+#: Standard deviations of the filter, coarse and fine [voxels], places that are looked at, and how
+#: often those that fit badly are left out.
+STAGES = ((2.5, 1000, 0), (1.0, 5000, 2))
+#: A place is near the surface if the smoothed indicator is between this and one less this.
 NEAR = 0.03
+#: A place fits badly if its difference is so many times the median.
+BAD = 4.0
 #: Misfit above which other rotations are tried as a start, too.
 POOR = 0.05
 #: Voxels beside the border of an image where no surface is known.
@@ -65,53 +69,60 @@ def _best_of(first, i, second, j, starts):
     """The motion of the least misfit from several rotations to begin with."""
     shift = second.centre[j] - first.centre[i]
     found = [(shift, start, 0.0) for start in starts]
-    for sigma in SMOOTHING:
-        pair = _Pair(first, i, second, j, sigma)
+    for stage in STAGES:
+        pair = _Pair(first, i, second, j, *stage)
         found = [pair.fitted(*motion[:2]) for motion in found]
         found = [min(found, key=lambda motion: motion[2])]
     return found[0]
 
 
 class _Pair:
-    """Images of a grain in both scans, smoothed by ``sigma`` voxels."""
+    """Images of a grain in both scans, smoothed by ``sigma`` voxels, and places near its surface."""
 
-    def __init__(self, first, i, second, j, sigma):
+    def __init__(self, first, i, second, j, sigma, num_places, again):
         pad = int(np.ceil(3 * sigma)) + 1
         image, corner = smoothed(first, i, sigma, pad)
         chosen = np.argwhere((image > NEAR) & (image < 1 - NEAR))
         inside = _within(chosen + corner + 0.5, first.image.shape)
         chosen = chosen[inside] if inside.any() else chosen
-        self.value = image[tuple(chosen.T)]
+        chosen = chosen[:: max(1, len(chosen) // num_places)]
+        self.value, self.again = image[tuple(chosen.T)], again
         self.centre = first.centre[i]
         self.away = (chosen + corner + 0.5)[:, ::-1] - self.centre
-        target, self.corner = smoothed(second, j, sigma, pad)
-        self.target, self.shape = spline_filter(target, order=3, mode="nearest"), first.image.shape
+        self.target, self.corner = smoothed(second, j, sigma, pad)
+        self.shape = first.image.shape
         # Turns are counted as motions of the surface, as long as shifts.
         self.radius = np.sqrt(first.moments[i].sum())
-        self.variation = ((self.value - 0.5) ** 2).sum()
+        self.variation = ((self.value - 0.5) ** 2).mean()
 
     def fitted(self, shift, start):
         """Displacement, rotation and misfit from a start."""
         known = _within(self._moved(shift, start)[:, ::-1], self.shape)
-        if not known.any():
-            known[:] = True
+        for left in range(self.again, -1, -1):
+            if known.sum() < 6:  # as many numbers as there are
+                return shift, start, np.inf
+            found = least_squares(
+                self._difference, np.zeros(6), method="lm", xtol=1e-4, ftol=1e-4,
+                args=(shift, start, known),
+            )  # fmt: skip
+            shift = shift + found.x[:3]
+            start = Rotation.from_rotvec(found.x[3:] / self.radius) * start
+            off = np.abs(found.fun)
+            if left:
+                known[known] = off <= BAD * np.median(off)
+        off = self._difference(np.zeros(6), shift, start, _within(
+            self._moved(shift, start)[:, ::-1], self.shape))  # fmt: skip
+        return shift, start, float((off**2).mean() / self.variation)
 
-        def difference(numbers):
-            turn = Rotation.from_rotvec(numbers[3:] / self.radius) * start
-            moved = self._moved(shift + numbers[:3], turn, known)[:, ::-1]
-            at = (moved - self.corner - 0.5).T
-            there = map_coordinates(self.target, at, order=3, mode="nearest", prefilter=False)
-            return there - self.value[known]
-
-        if known.sum() < 6:  # as many numbers as there are
-            return shift, start, np.inf
-        found = least_squares(difference, np.zeros(6), method="lm", xtol=1e-5, ftol=1e-5)
-        turn = Rotation.from_rotvec(found.x[3:] / self.radius) * start
-        misfit = 2 * found.cost / self.variation * known.size / known.sum()
-        return shift + found.x[:3], turn, float(misfit)
+    def _difference(self, numbers, shift, start, known):
+        """Of both images at the known places, after a motion beyond a start."""
+        turn = Rotation.from_rotvec(numbers[3:] / self.radius) * start
+        moved = self._moved(shift + numbers[:3], turn, known)[:, ::-1]
+        at = (moved - self.corner - 0.5).T
+        return map_coordinates(self.target, at, order=1, mode="nearest") - self.value[known]
 
     def _moved(self, shift, turn, chosen=slice(None)):
-        """The chosen voxels as the motion takes them [voxels], (x, y, z)."""
+        """The chosen places as the motion takes them [voxels], (x, y, z)."""
         return self.centre + shift + turn.apply(self.away[chosen])
 
 
