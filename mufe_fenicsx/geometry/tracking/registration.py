@@ -19,10 +19,12 @@ from scipy.spatial.transform import Rotation
 STAGES = ((2.5, 1000, 0), (1.0, 5000, 2))
 #: A place is near the surface if the smoothed indicator is between this and one less this.
 NEAR = 0.03
-#: A place fits badly if its difference is so many times the median.
-BAD = 4.0
-#: Misfit above which other rotations are tried as a start, too.
-POOR = 0.05
+#: A place fits badly if its difference is so many times the median; where more than this share of
+#: them do, it is the grain that has changed its form, and all count.
+BAD, BAD_SHARE = 4.0, 0.12
+#: Misfit above which other rotations are tried as a start, too, and the part of it that theirs has
+#: to be below.
+POOR, BETTER = 0.05, 0.5
 #: Voxels beside the border of an image where no surface is known.
 RIM = 2
 
@@ -61,7 +63,8 @@ def register(first, i, second, j, start):
         turns = [first.axes[i], second.axes[j]]
         signs = [np.diag(d) for d in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))]
         others = [Rotation.from_matrix(turns[1] @ sign @ turns[0].T) for sign in signs]
-        best = min(best, _best_of(first, i, second, j, others), key=lambda found: found[2])
+        other = _best_of(first, i, second, j, others)
+        best = other if other[2] < BETTER * best[2] else best
     return best
 
 
@@ -108,8 +111,10 @@ class _Pair:
             shift = shift + found.x[:3]
             start = Rotation.from_rotvec(found.x[3:] / self.radius) * start
             off = np.abs(found.fun)
-            if left:
-                known[known] = off <= BAD * np.median(off)
+            good = off <= BAD * np.median(off)
+            if not left or good.mean() < 1 - BAD_SHARE:
+                break
+            known[known] = good
         off = self._difference(np.zeros(6), shift, start, _within(
             self._moved(shift, start)[:, ::-1], self.shape))  # fmt: skip
         return shift, start, float((off**2).mean() / self.variation)
