@@ -14,6 +14,7 @@ from ..geometry.image.compare_labels import matched_grains
 from ..geometry.image.labels import touching_labels
 from ..kernels.geometry.voxels import label_cells
 from .columns import STRESS, columns_of
+from .grain_tables import grain_volumes
 
 #: Share of the run's grains that have to lie on a label of the first scan.
 ENOUGH = 0.5
@@ -161,7 +162,7 @@ def beside(run, track, grains, voxel_size, *, strain=None, labels=(None, None), 
     """A run beside a scan that was tracked.
 
     Columns of the table: ``grain`` in the run, ``label`` in the first scan and ``label_now``;
-    ``center_x`` … in the first scan [m]; ``displacement_x`` … and ``run_displacement_x`` … from
+    ``volume`` in the run's first stored state [m³]; ``center_x`` … in the first scan [m]; ``displacement_x`` … and ``run_displacement_x`` … from
     the first scan and from the first stored state [m], ``displacement_difference``, its length;
     ``rotation_x`` … and ``run_rotation_x`` …, rotation vectors [rad], ``rotation_difference``, the
     angle between both; ``strain_zz``, ``strain_volume``, ``strain_deviator``, and with ``run_`` those
@@ -207,12 +208,13 @@ def beside(run, track, grains, voxel_size, *, strain=None, labels=(None, None), 
     moved = moved - shift if align else moved
     table = pandas.DataFrame(
         {"grain": grain, "label": track.label[at], "label_now": track.label_now[at]}
+        | {"volume": _volumes(run, grain)}
         | columns_of("center", centre)
         | columns_of("displacement", moved)
         | columns_of("run_displacement", ours)
         | {"displacement_difference": np.linalg.norm(moved - ours, axis=1)}
         | _rotations(turned, own.rotation[mine])
-        | _strains(run, grain, centre, (moved, ours))
+        | _strains(_volumes(run, grain), centre, (moved, ours))
         | {"misfit": track.misfit[at]}
     )
     run_labels = None
@@ -244,10 +246,14 @@ def _rotations(scan, run):
     )
 
 
-def _strains(run, grain, centre, displacements):
+def _volumes(run, grain):
+    """Of grains in the first stored state [m³], shape (num_grains,)."""
+    labels, volume = grain_volumes(run.state(int(run.states.index[0])))
+    return volume[np.searchsorted(labels, grain)]
+
+
+def _strains(volume, centre, displacements):
     """Columns of the strains around each grain, of scan and run; none where no cell is."""
-    first = run.state(int(run.states.index[0]))
-    volume = pandas.Series(first.volume).groupby(first.grain).sum().reindex(grain).to_numpy()
     try:
         cells = delaunay_cells(centre, np.cbrt(3 * volume / (4 * np.pi)))
     except InputError:  # a few grains, or all in a plane
