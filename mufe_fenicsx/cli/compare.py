@@ -13,6 +13,12 @@ from .app import Json, Overwrite, app, serial_only
 from .arguments import lengths, voxel_edges
 from .terminal import Printer, progress_bar
 
+#: What is printed of each scan; the report and JSON have all.
+SHOWN = (
+    "strain", "num_tracked", "num_lost_in_scan", "mean_displacement",
+    "mean_displacement_difference", "mean_difference_voxels", "mean_rotation_difference",
+    "mean_dice", "contacts_gained", "run_contacts_gained", "contacts_lost", "run_contacts_lost",
+)  # fmt: skip
 #: Options that take several values in a row.
 LISTS = ("--labels", "--tracks")
 
@@ -81,9 +87,10 @@ def compare(
             align=align, progress=progress, overwrite=overwrite,
         )  # fmt: skip
     for scan in result["scans"]:
-        printer.say("", f"{scan.pop('scan')}:")
-        printer.summary(scan)
-    printer.say("", *result["notices"], f"report: {result['report']}")
+        printer.say(f"{scan['scan']}:")
+        printer.summary({name: scan[name] for name in SHOWN if name in scan})
+        printer.say("")
+    printer.say(*result["notices"], f"report: {result['report']}")
     printer.write_json(result)
 
 

@@ -12,7 +12,7 @@ from mufe_fenicsx.report.write import FOOTER
 from mufe_fenicsx.results.columns import vectors
 
 #: Half thickness of the slab whose grains the maps show [median diameters].
-SLAB = 1.0
+SLAB = 0.5
 #: Rows of the page's table: key, words, unit, significant digits.
 ROWS = (
     ("strain", "Strain of the run", "", 4),
@@ -94,21 +94,25 @@ def draw_maps(found, name, voxel_size):
     centre = vectors(table, "center")
     diameter = np.cbrt(6 / np.pi * table["volume"].to_numpy())
     middle = 0.5 * (centre[:, 1].min() + centre[:, 1].max())
-    shown = np.abs(centre[:, 1] - middle) <= SLAB * np.median(diameter)
+    away = np.abs(centre[:, 1] - middle)
+    shown = np.flatnonzero(away <= SLAB * np.median(diameter))
+    shown = shown if shown.size else np.array([np.argmin(away)])
+    shown = shown[np.argsort(-away[shown])]  # what is nearer to the plane hides what is not
     x, z, size = centre[shown, 0], centre[shown, 2], diameter[shown]
     low = np.array([(x - size / 2).min(), (z - size / 2).min()])
-    span = np.array([(x + size / 2).max(), (z + size / 2).max()]) - low
-    scale, unit = style.unit_of(span, "m")
+    high = np.array([(x + size / 2).max(), (z + size / 2).max()])
+    scale, unit = style.unit_of([low, high], "m")
     moved = [table[n].to_numpy()[shown] for n in ("displacement_z", "run_displacement_z")]
     factor, unit_u = style.unit_of(np.concatenate(moved), "m")
-    rows = [([m / factor for m in moved], f"Vertical displacement: {unit_u}", 1.0)]
+    rows = [([m / factor for m in moved], f"Vertical displacement: {unit_u}")]
     if "strain_deviator" in table:
         strains = [table[n].to_numpy()[shown] for n in ("strain_deviator", "run_strain_deviator")]
-        rows.append((strains, "Deviatoric strain: –", 1.0))
+        rows.append((strains, "Deviatoric strain: –"))
+    span = high - low
     height = 0.75 + 0.28 * style.PAGE * min(max(span[1] / span[0], 0.5), 1.6)
     figure, axes = style.new_figure(style.PAGE, len(rows) * height, nrows=len(rows), ncols=3)
     axes = np.atleast_2d(axes)
-    for k, (both, label, _) in enumerate(rows):
+    for k, (both, label) in enumerate(rows):
         difference = both[0] - both[1]
         limits = [(np.nanmin(both), np.nanmax(both))] * 2
         most = np.nanmax(np.abs(difference)) if np.isfinite(difference).any() else 1.0
@@ -117,10 +121,11 @@ def draw_maps(found, name, voxel_size):
             zip((*both, difference), ("scan", "run", "scan less run"), strict=True)
         ):
             axis = axes[k, i]
-            _draw_grains(figure, axis, ((x - low[0]) / scale, (z - low[1]) / scale, size / scale),
-                         values, limits[i], label, signed=i == 2)  # fmt: skip
-            axis.set(xlim=(0, span[0] / scale), ylim=(0, span[1] / scale), aspect="equal",
-                     xlabel=f"x: {unit}", ylabel=f"z: {unit}" if i == 0 else "")  # fmt: skip
+            circles = x / scale, z / scale, size / scale
+            _draw_grains(figure, axis, circles, values, limits[i], label, signed=i == 2)
+            axis.set(xlim=(low[0] / scale, high[0] / scale), ylim=(low[1] / scale, high[1] / scale),
+                     aspect="equal", xlabel=f"x: {unit}",
+                     ylabel=f"z: {unit}" if i == 0 else "")  # fmt: skip
             style.heading(axis, what)
             style.panel_letter(axis, 3 * k + i)
     return Drawing(
@@ -164,26 +169,32 @@ def draw_slices(found, name, voxel_size, labels):
         voxel_size: [m].
         labels: Of the scan, (z, y, x).
     """
-    nz, ny, nx = labels.shape
-    cuts = [
-        ("x", "z", lambda a: a[:, ny // 2, :], f"y = {style.quantity(ny // 2 * voxel_size, 'm')}"),
-        ("y", "z", lambda a: a[:, :, nx // 2], f"x = {style.quantity(nx // 2 * voxel_size, 'm')}"),
-        ("x", "y", lambda a: a[nz // 2], f"z = {style.quantity(nz // 2 * voxel_size, 'm')}"),
-    ]
+    ends = [np.flatnonzero((labels > 0).any(axis=tuple({0, 1, 2} - {k})))[[0, -1]] for k in range(3)]
+    parts = [slice(max(a - 2, 0), b + 3) for a, b in ends]
+    middle = [int(a + b) // 2 for a, b in ends]
     scale, unit = style.unit_of(np.array(labels.shape) * voxel_size, "m")
-    figure, axes = style.new_figure(style.PAGE, 0.5 + 0.3 * style.PAGE * max(nz, ny) / min(nx, ny),
-                                    ncols=3)  # fmt: skip
-    for k, (axis, (across, up, cut, where)) in enumerate(zip(axes, cuts, strict=True)):
-        theirs, ours = cut(labels), cut(found.run_labels)
-        extent = np.array([0, theirs.shape[1], 0, theirs.shape[0]]) * voxel_size / scale
+    size = [part.stop - part.start for part in parts]
+    tall = max(size[0] / size[2], size[0] / size[1], size[1] / size[2])
+    figure, axes = style.new_figure(style.PAGE, 0.5 + 0.3 * style.PAGE * min(tall, 2.5), ncols=3)
+    for k, (axis, across) in enumerate(zip(axes, (1, 2, 0), strict=True)):
+        up, right = (a for a in range(3) if a != across)
+        where = [*parts]
+        where[across] = middle[across]
+        theirs, ours = labels[tuple(where)], found.run_labels[tuple(where)]
+        corner = np.array([parts[right].start, parts[up].start])
+        unit_of_pixel = voxel_size / scale
+        extent = unit_of_pixel * np.array(
+            [corner[0], corner[0] + theirs.shape[1], corner[1], corner[1] + theirs.shape[0]]
+        )
         axis.imshow(np.where(theirs > 0, 0.75, 1.0), cmap="gray", vmin=0, vmax=1, origin="lower",
                     extent=extent, interpolation="nearest")  # fmt: skip
         for image, colour, width in ((theirs, style.BLACK, 0.5), (ours, style.RED, 0.9)):
-            across_at, up_at = _outlines(image)
-            axis.plot(across_at * voxel_size / scale, up_at * voxel_size / scale, color=colour,
-                      linewidth=width)  # fmt: skip
-        axis.set(xlabel=f"{across}: {unit}", ylabel=f"{up}: {unit}", xlim=extent[:2], ylim=extent[2:])
-        style.heading(axis, where)
+            line = [unit_of_pixel * (c + x) for c, x in zip(corner, _outlines(image), strict=True)]
+            axis.plot(*line, color=colour, linewidth=width)
+        axis.set(xlabel=f"{'zyx'[right]}: {unit}", ylabel=f"{'zyx'[up]}: {unit}",
+                 xlim=extent[:2], ylim=extent[2:])  # fmt: skip
+        place = style.quantity((middle[across] + 0.5) * voxel_size, "m")
+        style.heading(axis, f"{'zyx'[across]} = {place}")
         style.panel_letter(axis, k)
     return Drawing(
         "slices",
@@ -199,16 +210,15 @@ def draw_slices(found, name, voxel_size, labels):
 
 def _outlines(image):
     """Edges of pixels between which labels differ, as one line with gaps [pixels]."""
-    segments = []
     down, right = np.nonzero(image[1:] != image[:-1])
-    segments += [np.column_stack([right, right + 1, np.full(len(right), np.nan)]),
-                 np.column_stack([down + 1, down + 1, np.full(len(down), np.nan)])]  # fmt: skip
     row, column = np.nonzero(image[:, 1:] != image[:, :-1])
-    across = np.concatenate([segments[0].ravel(), np.column_stack(
-        [column + 1, column + 1, np.full(len(column), np.nan)]).ravel()])  # fmt: skip
-    up = np.concatenate([segments[1].ravel(), np.column_stack(
-        [row, row + 1, np.full(len(row), np.nan)]).ravel()])  # fmt: skip
-    return across, up
+    across = [(right, right + 1), (column + 1, column + 1)]
+    up = [(down + 1, down + 1), (row, row + 1)]
+    gaps = [np.full(len(right), np.nan), np.full(len(row), np.nan)]
+    return tuple(
+        np.concatenate([np.column_stack([*ends, gap]).ravel() for ends, gap in zip(x, gaps, strict=True)])
+        for x in (across, up)
+    )
 
 
 def draw_differences(found, name, voxel_size):
