@@ -69,7 +69,9 @@ def compare(
     voxel_size: Annotated[
         str | None, typer.Option(help='Of labels that do not state it, such as "5 um".')
     ] = None,
-    key: Annotated[str | None, typer.Option(help="Name of the labels in a .npz or .h5 file.")] = None,
+    key: Annotated[
+        str | None, typer.Option(help="Name of the labels in a .npz or .h5 file.")
+    ] = None,
     overwrite: Overwrite = False,
     json: Json = None,
 ):

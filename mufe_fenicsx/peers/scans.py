@@ -15,8 +15,9 @@ from ..results import Run
 from ..results.scans import beside, grains_of_labels
 from .tracks import read_track
 
-#: Table of all grains; by it a folder of a comparison is known.
-TABLE = "compare.csv"
+#: Table of all grains, by which a folder of a comparison is known; and the mean strains of the
+#: sample, which stages can follow.
+TABLE, MOTION = "compare.csv", "motion.csv"
 
 
 def compare_scans(
@@ -25,7 +26,9 @@ def compare_scans(
 ):  # fmt: skip
     """Hold a run against scans of its sample, grain by grain.
 
-    Writes ``compare.csv`` (a row a grain and scan), ``report.html`` and ``figures``.
+    Writes ``compare.csv`` (a row a grain and scan), ``motion.csv`` (the mean strains of the sample
+    along the axes of the container, a row a scan, as `follow` of a stage takes them),
+    ``report.html`` and ``figures``.
 
     Args:
         run: Folder that ``mufe run`` wrote.
@@ -68,10 +71,9 @@ def compare_scans(
                 before = track
             strain = strains[k] if strains else None
             pair = (images[0], later)
-            found.append(
-                beside(run, track, grains, size, strain=strain, labels=pair, align=align)
-            )
+            found.append(beside(run, track, grains, size, strain=strain, labels=pair, align=align))
         _write_table(folder / TABLE, names, found)
+        _write_motion(folder / MOTION, run.container, found)
         shown = zip(names, found, images[1:] or [None] * num, strict=True)
         write_scans(folder, run, list(shown), size, _about(labels[0], tracks, strains, align))
     return {
@@ -142,6 +144,18 @@ def _write_table(path, names, found):
     table[["scan", *(c for c in table if c != "scan")]].to_csv(path, index=False)
 
 
+def _write_motion(path, container, found):
+    """Strains of the sample at each scan; the number of the scan stands for the time."""
+    strains = np.array([[f.numbers[f"sample_strain_{a}"] for a in "xyz"] for f in found])
+    known = {"x": strains[:, 0], "y": strains[:, 1], "z": strains[:, 2]}
+    known["r"] = strains[:, :2].mean(axis=1)
+    columns = {axis: known[axis] for axis in container.axes if axis in known}
+    rows = np.column_stack([np.arange(len(found)) + 1, *columns.values()])
+    rows = np.vstack([np.zeros(rows.shape[1]), rows])
+    head = ", ".join(["time [s]", *(f"strain_{a}" for a in columns)])
+    np.savetxt(path, rows, fmt="%.9g", delimiter=", ", header=head, comments="")
+
+
 def _about(first, tracks, strains, align):
     """How the comparison came about, in sentences."""
     how = "read from tables of others" if tracks else "tracked by assignment and rigid registration"
@@ -151,7 +165,9 @@ def _about(first, tracks, strains, align):
         if strains
         else "Each scan stands beside the run where the same grains are pressed as much along z."
     )
-    said.append("Displacements count from the first scan, and from the first stored state of the run.")
+    said.append(
+        "Displacements count from the first scan, and from the first stored state of the run."
+    )
     if align:
         said.append("The motion that all grains share beyond that of the run was taken out.")
     return said

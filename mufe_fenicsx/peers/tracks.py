@@ -2,10 +2,11 @@
 
 Both count lengths in voxels, and places from the middle of the first voxel. SPAM's tables
 (`spam-ddic`, `spam-ldic` and what else `spam.helpers.readCorrelationTSV` reads) are tab-separated,
-with columns in the order z, y, x: ``Label`` or ``NodeNumber``, ``Zpos``, ``Ypos``, ``Xpos``, ``Zdisp``,
-``Ydisp``, ``Xdisp``, ``Fzz`` … ``Fxx`` and ``returnStatus``, 2 where the search has converged; F maps
-x - c to x' - c - u. A result of iDVC (`.disp`) has ``n``, ``x``, ``y``, ``z``, ``status`` (0: found),
-``objmin``, ``u``, ``v``, ``w`` and angles, whose order its manual does not tell: they are not read.
+with columns in the order z, y, x: ``Label`` or ``NodeNumber``, ``Zpos``, ``Ypos``, ``Xpos``,
+``Zdisp``, ``Ydisp``, ``Xdisp``, ``Fzz`` … ``Fxx`` and ``returnStatus``, 2 where the search has
+converged; F maps x - c to x' - c - u. A result of iDVC (`.disp`) has ``n``, ``x``, ``y``, ``z``,
+``status`` (0: found), ``objmin``, ``u``, ``v``, ``w`` and angles, whose order its manual does not
+tell: they are not read.
 
 Where the points of a table are no grains, each grain has the rigid motion that fits the points
 within its label best (W. Kabsch, Acta Cryst. A32, 1976, 922-923); with fewer than three, or all in
@@ -51,9 +52,11 @@ def read_track(path, bodies, voxel_size):
     if set(OF_SPAM) <= set(table):
         place = table[[f"{a}pos" for a in "XYZ"]].to_numpy(dtype=float) + 0.5
         moved = table[[f"{a}disp" for a in "XYZ"]].to_numpy(dtype=float)
-        good = table["returnStatus"] == CONVERGED if "returnStatus" in table else moved[:, 0] > -np.inf
+        good = np.ones(len(table), dtype=bool)
+        if "returnStatus" in table:
+            good = (table["returnStatus"] == CONVERGED).to_numpy()
         if "Label" in table:
-            return _by_label(path, table, (place, moved, np.asarray(good)), bodies, voxel_size)
+            return _by_label(path, table, (place, moved, good), bodies, voxel_size)
     elif set(OF_IDVC) <= set(table):
         place = table[["x", "y", "z"]].to_numpy(dtype=float) + 0.5
         moved = table[["u", "v", "w"]].to_numpy(dtype=float)
@@ -61,9 +64,9 @@ def read_track(path, bodies, voxel_size):
     else:
         lacking = [name for name in OF_SPAM if name not in table]
         raise InputError(
-            f"track {path} has columns {shortened(', '.join(map(str, table.columns[:8])))}, expected "
-            f"those of SPAM ({', '.join(lacking[:3])} … are missing) or of a result of iDVC "
-            f"({' '.join(OF_IDVC)})"
+            f"track {path} has columns {shortened(', '.join(map(str, table.columns[:8])))}, "
+            f"expected those of SPAM ({', '.join(lacking[:3])} … are missing) or of a result of "
+            f"iDVC ({' '.join(OF_IDVC)})"
         )
     return _by_points(path, place[good], moved[good], bodies, voxel_size)
 
@@ -100,8 +103,8 @@ def _by_label(path, table, values, bodies, voxel_size):
     away = off[known] > SAME + 0.02 * bodies.diameter
     if not known.any() or away.sum() > 0.5 * known.sum():
         raise InputError(
-            f"track {path}: {int(known.sum() - away.sum())} of {len(bodies.label)} labels lie where "
-            "the table has them, expected the labels that were tracked"
+            f"track {path}: {int(known.sum() - away.sum())} of {len(bodies.label)} labels lie "
+            "where the table has them, expected the labels that were tracked"
         )
     n = len(bodies.label)
     rotation = np.full((n, 3, 3), np.nan)

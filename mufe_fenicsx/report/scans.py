@@ -2,6 +2,9 @@
 
 import matplotlib
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.patches import Circle
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.machine.files import own_folder, reason
@@ -54,10 +57,14 @@ def draw_scatter(found, name, voxel_size):
             scan[:, k] / factor, run[:, k] / factor, style.MARKERS[k], markersize=2.5,
             color=style.SERIES[k], label=axis,
         )  # fmt: skip
-    turn = [np.degrees(np.linalg.norm(vectors(table, n), axis=1)) for n in ("rotation", "run_rotation")]
+    turn = [
+        np.degrees(np.linalg.norm(vectors(table, n), axis=1)) for n in ("rotation", "run_rotation")
+    ]
     axes[1].plot(*turn, "o", markersize=2.5, color=style.BLUE)
     if "strain_zz" in table:
-        axes[2].plot(table["strain_zz"], table["run_strain_zz"], "o", markersize=2.5, color=style.BLUE)
+        axes[2].plot(
+            table["strain_zz"], table["run_strain_zz"], "o", markersize=2.5, color=style.BLUE
+        )
     for k, (axis, what) in enumerate(
         zip(axes, (f"displacement: {unit}", "rotation: °", "vertical strain: –"), strict=True)
     ):
@@ -71,7 +78,7 @@ def draw_scatter(found, name, voxel_size):
     return Drawing(
         "scatter",
         figure,
-        f"{name}: (a) displacements, (b) rotations and (c) vertical strains of the grains, run over "
+        f"{name}: (a) displacements, (b) rotations and (c) vertical strains of grains, run over "
         "scan",
         "A point a grain; on the line both are the same. Strains are those of Delaunay cells of "
         f"centres, compression positive. A voxel is {style.quantity(voxel_size, 'm')}.",
@@ -89,7 +96,7 @@ def _one_to_one(axis):
 
 
 def draw_maps(found, name, voxel_size):
-    """Vertical displacement and deviatoric strain of the grains in a vertical slab, side by side."""
+    """Vertical displacement and deviatoric strain of grains in a vertical slab, side by side."""
     table = found.table
     centre = vectors(table, "center")
     diameter = np.cbrt(6 / np.pi * table["volume"].to_numpy())
@@ -133,8 +140,8 @@ def draw_maps(found, name, voxel_size):
         figure,
         f"{name}: vertical displacement and deviatoric strain of the grains in a vertical slab, in "
         "the scan, in the run, and their difference",
-        f"Balls of the grains' volumes where the first scan has them, within {SLAB:g} median diameter "
-        "of the middle plane. Grey ones have no cell for a strain.",
+        f"Balls of the grains' volumes where the first scan has them, within {SLAB:g} median "
+        "diameters of the middle plane. Grey ones have no cell for a strain.",
         {"": {"grain": table["grain"][shown], "x [m]": x, "z [m]": z,
               "displacement z [m]": moved[0], "run displacement z [m]": moved[1]}},
         "wide",
@@ -147,13 +154,16 @@ def _draw_grains(figure, axis, circles, values, limits, label, signed):
     if not np.isfinite([low, high]).all() or low == high:
         low, high = 0.0, 1.0
     colours = matplotlib.colormaps[style.SIGNED_MAP if signed else style.GRAIN_MAP]
-    norm = matplotlib.colors.Normalize(low, high)
+    norm = Normalize(low, high)
     for x, z, size, value in zip(*circles, values, strict=True):
         face = colours(norm(value)) if np.isfinite(value) else "0.85"
-        axis.add_patch(matplotlib.patches.Circle((x, z), size / 2, facecolor=face, edgecolor="white",
-                                                 linewidth=0.3))  # fmt: skip
+        axis.add_patch(Circle((x, z), size / 2, facecolor=face, edgecolor="white", linewidth=0.3))
     bar = figure.colorbar(
-        matplotlib.cm.ScalarMappable(norm, colours), ax=axis, location="bottom", aspect=22, shrink=0.9
+        ScalarMappable(norm, colours),
+        ax=axis,
+        location="bottom",
+        aspect=22,
+        shrink=0.9,
     )
     bar.ax.xaxis.get_major_locator().set_params(nbins=4)
     bar.set_label(label)
@@ -169,7 +179,9 @@ def draw_slices(found, name, voxel_size, labels):
         voxel_size: [m].
         labels: Of the scan, (z, y, x).
     """
-    ends = [np.flatnonzero((labels > 0).any(axis=tuple({0, 1, 2} - {k})))[[0, -1]] for k in range(3)]
+    ends = [
+        np.flatnonzero((labels > 0).any(axis=tuple({0, 1, 2} - {k})))[[0, -1]] for k in range(3)
+    ]
     parts = [slice(max(a - 2, 0), b + 3) for a, b in ends]
     middle = [int(a + b) // 2 for a, b in ends]
     scale, unit = style.unit_of(np.array(labels.shape) * voxel_size, "m")
@@ -216,7 +228,9 @@ def _outlines(image):
     up = [(down + 1, down + 1), (row, row + 1)]
     gaps = [np.full(len(right), np.nan), np.full(len(row), np.nan)]
     return tuple(
-        np.concatenate([np.column_stack([*ends, gap]).ravel() for ends, gap in zip(x, gaps, strict=True)])
+        np.concatenate(
+            [np.column_stack([*ends, gap]).ravel() for ends, gap in zip(x, gaps, strict=True)]
+        )
         for x in (across, up)
     )
 
@@ -230,24 +244,26 @@ def draw_differences(found, name, voxel_size):
     ]
     if "dice" in table:
         shown.append((table["dice"], "Overlap with the label, Dice: –"))
-    figure, axes = style.new_figure(style.PAGE, 2.3, ncols=len(shown))
+    shown = [(values, label) for values, label in shown if np.isfinite(values).any()]
+    figure, axes = style.new_figure(style.PAGE, 2.3, ncols=len(shown), squeeze=False)
     columns = {}
-    for k, (axis, (values, label)) in enumerate(zip(axes, shown, strict=True)):
+    for k, (axis, (values, label)) in enumerate(zip(axes[0], shown, strict=True)):
         values = np.sort(np.asarray(values, dtype=float)[np.isfinite(values)])
-        share = (np.arange(len(values)) + 1) / max(len(values), 1)
-        axis.step(np.append(values[:1], values), np.append(0.0, share), where="post", color=style.BLUE)
-        if len(values):
-            axis.axvline(values.mean(), color=style.RED, linestyle="--", linewidth=0.9)
+        share = (np.arange(len(values)) + 1) / len(values)
+        axis.step(
+            np.append(values[:1], values), np.append(0.0, share), where="post", color=style.BLUE
+        )
+        axis.axvline(values.mean(), color=style.RED, linestyle="--", linewidth=0.9)
         axis.set(xlabel=label, ylabel="Share of grains: –" if k == 0 else "", ylim=(0, 1))
-        if k < 2:
+        if not label.startswith("Overlap"):
             axis.set_xlim(left=0)
         style.panel_letter(axis, k)
         columns[label.replace(": ", " [") + "]"] = np.asarray(shown[k][0])
     return Drawing(
         "differences",
         figure,
-        f"{name}: shares of the grains up to a difference of (a) displacement, (b) rotation"
-        + (", and (c) up to an overlap of both" if "dice" in table else ""),
+        f"{name}: shares of the grains up to a difference of displacement and of rotation, and up "
+        "to an overlap with the label",
         "Dashed lines are the means.",
         {"": columns},
         "wide",

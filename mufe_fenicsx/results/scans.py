@@ -1,4 +1,21 @@
-"""A run beside scans of the same sample: grains at the same strain, one by one and all together."""
+"""A run beside scans of the same sample: grains at the same strain, one by one and all together.
+
+Columns of the table, a row a grain: ``grain`` in the run, ``label`` in the first scan and
+``label_now``; ``volume`` in the run's first state [m³]; ``center_x`` … in the first scan [m];
+``displacement_x`` … from the first scan and ``run_displacement_x`` … from the first stored state
+[m]; ``displacement_difference``, the length of their difference; ``rotation_x`` … and
+``run_rotation_x`` …, rotation vectors [rad]; ``rotation_difference``, the angle between both.
+
+``strain_zz``, ``strain_volume``, ``strain_deviator``, and with ``run_`` those of the run, are
+logarithmic, compression positive: means at the grain over Delaunay cells of centres
+(:mod:`mufe_fenicsx.analysis.localisation`), for both the cells of the first scan. ``misfit`` is
+that of the registration. ``run_tensile_stress_xx`` … is the mean Cauchy stress of the grain in the
+nearer state of the run, tension positive [Pa].
+
+With labels of the later scan: ``dice``, the overlap of its label with the run's grain, and
+``contacts_gained``, ``contacts_lost``, and with ``run_`` those of the run: labels that begin or
+cease to share faces of voxels, the run's grains on the same voxels.
+"""
 
 from dataclasses import dataclass
 
@@ -100,25 +117,28 @@ def grains_of_labels(run, labels, voxel_size, source):
     return found
 
 
-def vertical_strain(centre, displacement):
-    """Shortening along z of the linear field that fits displacements best [-].
+def mean_strains(centre, displacement):
+    """Shortening along x, y and z of the linear field that fits displacements best [-], shape (3,).
 
     Args:
         centre: Before [m], (x, y, z), shape (num_grains, 3).
         displacement: [m], the same; rows with nan are left out.
+
+    Raises:
+        InputError: Fewer than four grains are known.
     """
     known = np.isfinite(displacement).all(axis=1)
     if known.sum() < 4:
         raise InputError(f"{known.sum()} tracked grains, expected 4 at least for a strain")
     place = np.column_stack([centre[known], np.ones(known.sum())])
     gradient, *_ = np.linalg.lstsq(place, displacement[known], rcond=None)
-    return float(-gradient[2, 2])
+    return -np.diag(gradient[:3])
 
 
 def strain_of_run_at(run, grains, centre, displacement):
     """Strain of the states of a run at which its grains are pressed as those of a scan.
 
-    Both sides count the shortening along z of the same grains, see :func:`vertical_strain`: walls,
+    Both sides count the shortening along z of the same grains, see :func:`mean_strains`: walls,
     and grains that no scan shows, do not matter.
 
     Args:
@@ -129,7 +149,7 @@ def strain_of_run_at(run, grains, centre, displacement):
     Returns:
         Strain of the states; that of the nearest state where the run does not come by.
     """
-    wanted = vertical_strain(centre, displacement)
+    wanted = mean_strains(centre, displacement)[2]
     strains = []
     first = run.state(int(run.states.index[0]))
     for number in run.states.index:
@@ -137,7 +157,7 @@ def strain_of_run_at(run, grains, centre, displacement):
         motion = grain_motion(state.points_of(first), state.points, state.cells, state.grain)
         at = np.searchsorted(motion.labels, grains)
         moved = np.where(np.isfinite(displacement), motion.translation[at], np.nan)
-        strains.append(vertical_strain(centre, moved))
+        strains.append(mean_strains(centre, moved)[2])
     known, of_states = run.states["strain"].to_numpy(dtype=float), np.array(strains)
     between = (of_states[:-1] - wanted) * (of_states[1:] - wanted) <= 0
     if not between.any():
@@ -152,7 +172,7 @@ def strain_of_run_at(run, grains, centre, displacement):
 class Beside:
     """A run beside one later scan."""
 
-    table: pandas.DataFrame  #: a row a grain, see :func:`beside`
+    table: pandas.DataFrame  #: a row a grain, see above
     numbers: dict  #: of all grains together
     moment: Moment
     run_labels: np.ndarray | None  #: the run's grains on the scan's voxels; None without labels
@@ -160,18 +180,6 @@ class Beside:
 
 def beside(run, track, grains, voxel_size, *, strain=None, labels=(None, None), align=False):
     """A run beside a scan that was tracked.
-
-    Columns of the table: ``grain`` in the run, ``label`` in the first scan and ``label_now``;
-    ``volume`` in the run's first stored state [m³]; ``center_x`` … in the first scan [m]; ``displacement_x`` … and ``run_displacement_x`` … from
-    the first scan and from the first stored state [m], ``displacement_difference``, its length;
-    ``rotation_x`` … and ``run_rotation_x`` …, rotation vectors [rad], ``rotation_difference``, the
-    angle between both; ``strain_zz``, ``strain_volume``, ``strain_deviator``, and with ``run_`` those
-    of the run: logarithmic, compression positive, means over the Delaunay cells of centres at the
-    grain (:mod:`mufe_fenicsx.analysis.localisation`; the cells are those of the first scan for both);
-    ``misfit`` of the registration; with labels of the later scan ``dice``, the overlap of its label
-    with the run's grain, and ``contacts_gained``, ``contacts_lost`` and with ``run_`` those of the
-    run: labels that begin or cease to share faces of voxels; ``run_tensile_stress_xx`` …, the mean
-    Cauchy stress of the grain in the run's nearer state, tension positive [Pa].
 
     Args:
         run: :class:`~mufe_fenicsx.results.run.Run`.
@@ -189,34 +197,11 @@ def beside(run, track, grains, voxel_size, *, strain=None, labels=(None, None), 
     Raises:
         InputError: Fewer than four grains are tracked, or the run does not come by the strain.
     """
-    label_of = {label: k for k, label in enumerate(track.label.tolist())}
-    pairs = [(g, label_of[n]) for g, n in sorted(grains.items()) if n in label_of]
-    pairs = [(g, k) for g, k in pairs if track.found[k]]
-    if len(pairs) < 4:
-        raise InputError(f"{len(pairs)} grains of the run are tracked, expected 4 at least")
-    grain, at = (np.array(x) for x in zip(*pairs, strict=True))
-    centre, moved, turned = track.centre[at], track.displacement[at], track.rotation[at]
+    grain, at = _tracked(track, grains)
     if strain is None:
-        strain = strain_of_run_at(run, grain, centre, moved)
+        strain = strain_of_run_at(run, grain, track.centre[at], track.displacement[at])
     moment = moment_at(run, strain)
-    own = grain_motion(moment.start, moment.points, moment.state.cells, moment.state.grain)
-    mine = np.searchsorted(own.labels, grain)
-    # The place of a label's centre as the run takes it there: both move the same point.
-    off = centre - own.centre[mine]
-    ours = own.translation[mine] + np.einsum("gij,gj->gi", own.rotation[mine], off) - off
-    shift = (moved - ours).mean(axis=0)
-    moved = moved - shift if align else moved
-    table = pandas.DataFrame(
-        {"grain": grain, "label": track.label[at], "label_now": track.label_now[at]}
-        | {"volume": _volumes(run, grain)}
-        | columns_of("center", centre)
-        | columns_of("displacement", moved)
-        | columns_of("run_displacement", ours)
-        | {"displacement_difference": np.linalg.norm(moved - ours, axis=1)}
-        | _rotations(turned, own.rotation[mine])
-        | _strains(_volumes(run, grain), centre, (moved, ours))
-        | {"misfit": track.misfit[at]}
-    )
+    table, shift = _motions(run, track, moment, (grain, at), align)
     run_labels = None
     if labels[1] is not None:
         run_labels = voxels_of(moment, labels[1].shape, voxel_size, shift if align else np.zeros(3))
@@ -226,7 +211,44 @@ def beside(run, track, grains, voxel_size, *, strain=None, labels=(None, None), 
         table[name] = values
     numbers = _numbers(table, track, voxel_size, moment, len(grains))
     numbers |= {f"common_shift_{a}": float(s) for a, s in zip("xyz", shift, strict=True)}
+    of_all = mean_strains(track.centre, track.displacement)
+    numbers |= {f"sample_strain_{a}": float(s) for a, s in zip("xyz", of_all, strict=True)}
     return Beside(table, numbers, moment, run_labels)
+
+
+def _tracked(track, grains):
+    """Grains of the run that are tracked, and their places in the track."""
+    label_of = {label: k for k, label in enumerate(track.label.tolist())}
+    pairs = [(g, label_of[n]) for g, n in sorted(grains.items()) if n in label_of]
+    pairs = [(g, k) for g, k in pairs if track.found[k]]
+    if len(pairs) < 4:
+        raise InputError(f"{len(pairs)} grains of the run are tracked, expected 4 at least")
+    return tuple(np.array(x) for x in zip(*pairs, strict=True))
+
+
+def _motions(run, track, moment, grains, align):
+    """The table's columns of motions and strains, and the motion of all beyond the run's [m]."""
+    grain, at = grains
+    centre, moved, volume = track.centre[at], track.displacement[at], _volumes(run, grain)
+    own = grain_motion(moment.start, moment.points, moment.state.cells, moment.state.grain)
+    mine = np.searchsorted(own.labels, grain)
+    # The place of a label's centre as the run takes it there: both move the same point.
+    off = centre - own.centre[mine]
+    ours = own.translation[mine] + np.einsum("gij,gj->gi", own.rotation[mine], off) - off
+    shift = (moved - ours).mean(axis=0)
+    moved = moved - shift if align else moved
+    table = pandas.DataFrame(
+        {"grain": grain, "label": track.label[at], "label_now": track.label_now[at]}
+        | {"volume": volume}
+        | columns_of("center", centre)
+        | columns_of("displacement", moved)
+        | columns_of("run_displacement", ours)
+        | {"displacement_difference": np.linalg.norm(moved - ours, axis=1)}
+        | _rotations(track.rotation[at], own.rotation[mine])
+        | _strains(volume, centre, (moved, ours))
+        | {"misfit": track.misfit[at]}
+    )
+    return table, shift
 
 
 def _rotations(scan, run):
@@ -297,7 +319,9 @@ def _add_contacts(table, run, labels, run_labels, voxel_size):
         old, new = (pairs_of(image, grain_of) for image, grain_of in pair)
         for name, changed in (("gained", new - old), ("lost", old - new)):
             count = pandas.Series([g for p in changed for g in p], dtype=np.int64).value_counts()
-            table[f"{prefix}contacts_{name}"] = count.reindex(table["grain"], fill_value=0).to_numpy()
+            table[f"{prefix}contacts_{name}"] = count.reindex(
+                table["grain"], fill_value=0
+            ).to_numpy()
         table.attrs[f"{prefix}contacts"] = old, new
 
 
@@ -318,7 +342,9 @@ def _stresses(run, moment, grain):
     found = grain_stress(
         state.stress, state.von_mises, state.plastic_strain, state.volume, state.grain
     )
-    return columns_of("run_tensile_stress", found.stress[np.searchsorted(found.labels, grain)], STRESS)
+    return columns_of(
+        "run_tensile_stress", found.stress[np.searchsorted(found.labels, grain)], STRESS
+    )
 
 
 def _numbers(table, track, voxel_size, moment, num_grains):
@@ -351,7 +377,10 @@ def _numbers(table, track, voxel_size, moment, num_grains):
         numbers["mean_dice"] = _mean(table["dice"])
         scan, own = table.attrs["contacts"], table.attrs["run_contacts"]
         for prefix, (old, new) in (("", scan), ("run_", own)):
-            numbers[f"{prefix}contacts_before"], numbers[f"{prefix}contacts_now"] = len(old), len(new)
+            numbers[f"{prefix}contacts_before"], numbers[f"{prefix}contacts_now"] = (
+                len(old),
+                len(new),
+            )
             numbers[f"{prefix}contacts_gained"] = len(new - old)
             numbers[f"{prefix}contacts_lost"] = len(old - new)
         numbers["contacts_now_in_both"] = len(scan[1] & own[1])

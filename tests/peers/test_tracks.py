@@ -85,13 +85,14 @@ def test_a_result_of_ddic(tmp_path, bodies):
 
 @pytest.mark.slow
 def test_spam_reads_the_same(tmp_path, bodies):
-    """The motions that `spam.helpers.readCorrelationTSV` finds in this table, to their seven digits."""
+    """The motions that `spam.helpers.readCorrelationTSV` finds in this table."""
     if importlib.util.find_spec("spam") is None:
         pytest.skip("needs the package spam")
     path = tmp_path / "x-ddic.tsv"
     path.write_text(DDIC)
     code = (
-        "import sys, numpy, spam.helpers as h; f = h.readCorrelationTSV(sys.argv[1], verbose=False); "
+        "import sys, numpy, spam.helpers as h; "
+        "f = h.readCorrelationTSV(sys.argv[1], verbose=False); "
         "numpy.savez(sys.argv[2], phi=f['PhiField'], at=f['fieldCoords'], status=f['returnStatus'])"
     )
     subprocess.run([sys.executable, "-c", code, path, tmp_path / "a.npz"], check=True)
@@ -131,7 +132,21 @@ def test_ddic_itself(tmp_path):
         tifffile.imwrite(tmp_path / f"{k}.tif", grey.astype(np.uint16))
     labels = two_balls()[0]
     tifffile.imwrite(tmp_path / "labels.tif", labels.astype(np.uint16))
-    words = ["0.tif", "labels.tif", "1.tif", "-np", "1", "-od", ".", "-pre", "t", "-ld", "2", "-it", "200"]
+    words = [
+        "0.tif",
+        "labels.tif",
+        "1.tif",
+        "-np",
+        "1",
+        "-od",
+        ".",
+        "-pre",
+        "t",
+        "-ld",
+        "2",
+        "-it",
+        "200",
+    ]
     subprocess.run([program, *words], cwd=tmp_path, check=True, capture_output=True)
     track = read_track(tmp_path / "t-ddic.tsv", bodies_of(labels), VOXEL)
     assert track.found.any()
@@ -177,7 +192,10 @@ def test_a_result_of_idvc(tmp_path, bodies):
         ("n\tx\n", "has 1 lines, expected names of columns and rows"),
         (DDIC.replace("\t9.8288774", ""), "line 3 has 21 values, expected 22 as names"),
         (DDIC.replace("9.8288774", "much"), "is no table of numbers"),
-        (DDIC.replace("2.0000000\t0.0000381", "1.0\t0").replace("\t17.3013229", "\t97.5"), "0 of 2 labels lie where the table has them"),
+        (
+            DDIC.replace("2.0000000\t0.0000381", "1.0\t0").replace("\t17.3013229", "\t97.5"),
+            "0 of 2 labels lie where the table has them",
+        ),
         (None, "cannot be read"),
     ],
 )

@@ -42,8 +42,8 @@ def _in_pieces(piece, size, label_of, boxes):
             sizes = ", ".join(str(n) for n in size[of_label[:4]])
             more = ", …" if len(of_label) > 4 else ""
             line = (
-                f"label {label_of[of_label[0]]} is in {len(of_label)} pieces of {sizes}{more} voxels, "
-                f"the second at {_place(piece, of_label[1], boxes)}"
+                f"label {label_of[of_label[0]]} is in {len(of_label)} pieces of {sizes}{more} "
+                f"voxels, the second at {_place(piece, of_label[1], boxes)}"
             )
             found.append((size[of_label[1]], line))
     return _first(found, "labels in pieces")
@@ -72,7 +72,11 @@ def _inside(labels, piece, size, label_of, boxes):
 def _holes(labels):
     """Lines on voids that several labels enclose, the largest first."""
     hole, num = scipy.ndimage.label(labels == 0, structure=np.ones((3, 3, 3)))
-    size, boxes, found = np.bincount(hole.ravel(), minlength=num + 1), scipy.ndimage.find_objects(hole), []
+    size, boxes, found = (
+        np.bincount(hole.ravel(), minlength=num + 1),
+        scipy.ndimage.find_objects(hole),
+        [],
+    )
     for k, box in enumerate(boxes, start=1):
         if _at_border(box, labels.shape):
             continue

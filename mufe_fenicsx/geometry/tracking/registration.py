@@ -80,7 +80,7 @@ def _best_of(first, i, second, j, starts):
 
 
 class _Pair:
-    """Images of a grain in both scans, smoothed by ``sigma`` voxels, and places near its surface."""
+    """Images of a grain in both scans, smoothed by ``sigma``, and places near its surface."""
 
     def __init__(self, first, i, second, j, sigma, num_places, again):
         pad = int(np.ceil(3 * sigma)) + 1

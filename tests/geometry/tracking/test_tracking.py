@@ -43,7 +43,9 @@ def test_moments_are_those_of_a_box():
     labels[1:9, 2:8, 3:7] = 5
     found = bodies_of(labels)
     assert found.label.tolist() == [5] and found.volume.tolist() == [192] and not found.cut[0]
-    assert np.allclose(found.centre, [[5, 5, 5]]) and np.allclose(found.moments * 12, [[16, 36, 64]])
+    assert np.allclose(found.centre, [[5, 5, 5]]) and np.allclose(
+        found.moments * 12, [[16, 36, 64]]
+    )
 
 
 def test_a_sample_that_was_mounted_anew(balls):
@@ -52,7 +54,7 @@ def test_a_sample_that_was_mounted_anew(balls):
     images = [np.pad(images[0], 8), np.pad(images[1], ((14, 2), (8, 8), (3, 13)))]
     assert common_shift(*map(bodies_of, images)) == pytest.approx([-5, 0, 6], abs=1)
     track = track_labels(*images, 1.0)
-    error, _ = errors(track, numbers, places + 8, moved + [-5, 0, 6], turn)
+    error, _ = errors(track, numbers, places + 8, moved + np.array([-5, 0, 6]), turn)
     assert error.max() < 0.1
 
 
@@ -73,7 +75,7 @@ def test_a_large_turn_needs_a_scan_in_between_or_a_form(balls):
 
 def test_scans_that_do_not_belong_together(balls):
     images, *_ = balls
-    with pytest.raises(InputError, match="labels b have shape .*, expected .* as a"):
+    with pytest.raises(InputError, match=r"labels b have shape .*, expected .* as a"):
         track_labels(images[0], images[1][1:], 1.0, names=("a", "b"))
     with pytest.raises(InputError, match="b: no grain, all voxels are 0"):
         track_labels(images[0], 0 * images[1], 1.0, names=("a", "b"))
