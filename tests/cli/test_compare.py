@@ -1,10 +1,12 @@
 """`mufe compare` holds a run against its own images, and refuses what does not belong to it."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas
 import pytest
+from matplotlib.figure import Figure
 
 from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.geometry.image.label_files import write_labels
@@ -106,8 +108,9 @@ def test_what_does_not_belong_to_a_run_is_refused(mufe, place, words, said):
     assert status == 2 and said in line and not (place / "x").exists()
 
 
-def test_a_table_of_others_stands_for_the_later_scan(place, tmp_path):
+def test_a_table_of_others_stands_for_the_later_scan(place, tmp_path, monkeypatch):
     """The run's own motion as a table of SPAM: no labels are needed, and there is no overlap."""
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **options: Path(path).touch())
     run = Run(place / "run")
     state, first = run.state(1), run.state(0)
     rows = ["Label\tZpos\tYpos\tXpos\tZdisp\tYdisp\tXdisp"]
