@@ -68,6 +68,7 @@ def read_track(path, bodies, voxel_size):
             f"expected those of SPAM ({', '.join(lacking[:3])} … are missing) or of a result of "
             f"iDVC ({' '.join(OF_IDVC)})"
         )
+    good = good & np.isfinite(place).all(axis=1) & np.isfinite(moved).all(axis=1)
     return _by_points(path, place[good], moved[good], bodies, voxel_size)
 
 
@@ -96,9 +97,10 @@ def _read(path):
 def _by_label(path, table, values, bodies, voxel_size):
     """The track of a table with a row a label."""
     place, moved, good = values
-    row_of = {int(n): k for k, n in enumerate(table["Label"].to_numpy()) if n > 0}
-    at = np.array([row_of.get(int(n), -1) for n in bodies.label])
-    known = (at >= 0) & good[at] & np.isfinite(moved[at]).all(axis=1)
+    row_of = {n: k for k, n in enumerate(table["Label"].tolist())}
+    at = np.array([row_of.get(float(n), -1) for n in bodies.label])
+    finite = np.isfinite(place[at]).all(axis=1) & np.isfinite(moved[at]).all(axis=1)
+    known = (at >= 0) & good[at] & finite
     off = np.linalg.norm(place[at] - bodies.centre, axis=1)
     away = off[known] > SAME + 0.02 * bodies.diameter
     if not known.any() or away.sum() > 0.5 * known.sum():

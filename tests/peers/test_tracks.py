@@ -173,6 +173,7 @@ def test_a_result_of_idvc(tmp_path, bodies):
     path, rows = tmp_path / "x.disp", cloud(bodies)
     failed = rows[1].split("\t")
     failed[4:9] = ["-1", "9", "99", "99", "99"]
+    rows[2] = rows[2].replace(rows[2].split("\t")[1], "nan", 1)
     path.write_text("\n".join([rows[0], "\t".join(failed), *rows[2:]]) + "\n")
     track = read_track(path, bodies, VOXEL)
     for k in range(2):
