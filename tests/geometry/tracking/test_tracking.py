@@ -6,9 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.tracking.bodies import bodies_of
-from mufe_fenicsx.geometry.tracking.matching import common_shift
+from mufe_fenicsx.geometry.tracking.matching import common_shift, match
 from mufe_fenicsx.geometry.tracking.track import track_labels
-from tests.moved_balls import moved_balls
+from tests.moved_balls import PITCH, moved_balls
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +56,15 @@ def test_a_sample_that_was_mounted_anew(balls):
     track = track_labels(*images, 1.0)
     error, _ = errors(track, numbers, places + 8, moved + np.array([-5, 0, 6]), turn)
     assert error.max() < 0.1
+
+
+def test_form_tells_grains_where_place_misleads(balls):
+    """Expected two thirds of a pitch off, each ball is nearer to its neighbour than to itself."""
+    images, numbers, *_ = balls
+    first, second = map(bodies_of, images)
+    found = match(first, second, np.tile([0.0, 0.0, 2 / 3 * PITCH], (12, 1)))
+    at = np.searchsorted(first.label, numbers[0])
+    assert second.label[found[at]].tolist() == numbers[1].tolist()
 
 
 def test_a_grain_that_is_gone_is_lost(balls):
