@@ -14,6 +14,7 @@ import typer
 from ..errors import InputError
 from ..machine.doing import Doing
 from . import chart as _chart  # noqa: F401
+from . import compare as _compare  # noqa: F401
 from . import export as _export  # noqa: F401
 from . import grains as _grains  # noqa: F401
 from . import pack as _pack  # noqa: F401

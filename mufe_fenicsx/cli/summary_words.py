@@ -110,6 +110,20 @@ _OF_PACKINGS = {
     "size_taken": ("size of the container taken", ""),
 }
 
+_OF_SCANS = {
+    "num_tracked": ("grains compared", ""),
+    "num_lost_in_scan": ("grains of the first scan that are lost", ""),
+    "mean_displacement": ("displacement in the scan, mean", "m"),
+    "mean_displacement_difference": ("its difference to that of the run, mean", "m"),
+    "mean_difference_voxels": ("the same in voxels", ""),
+    "mean_rotation_difference": ("angle between rotations of scan and run, mean", "rad"),
+    "mean_dice": ("overlap of grains with their labels (Dice), mean", ""),
+    "contacts_gained": ("contacts gained in the scan", ""),
+    "run_contacts_gained": ("contacts gained in the run", ""),
+    "contacts_lost": ("contacts lost in the scan", ""),
+    "run_contacts_lost": ("contacts lost in the run", ""),
+}
+
 #: Key -> words and unit, where the key does not say them.
 WORDS = {
     "voxel_size": ("voxel size", "m"),
@@ -122,6 +136,7 @@ WORDS = {
     **_OF_LABELS,
     **_OF_RUNS,
     **_OF_PACKINGS,
+    **_OF_SCANS,
 }
 
 

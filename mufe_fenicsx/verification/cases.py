@@ -55,6 +55,7 @@ from .stability import STABILITY
 from .strain_cycle import strain_cycle
 from .tool_indentation import tool_indentation
 from .torsion import torsion
+from .tracking import tracking
 from .undrained import undrained_elastic
 
 CASES = (
@@ -117,6 +118,7 @@ CASES = (
         kalthoff_winkler,
         branching_plate,
         segmentation,
+        tracking,
         soak,
     )
     | STABILITY

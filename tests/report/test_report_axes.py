@@ -5,17 +5,19 @@ from dataclasses import replace
 
 import matplotlib
 import numpy as np
+import pandas
 import pytest
 from matplotlib.quiver import Quiver
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.history import COLUMNS
-from mufe_fenicsx.report import curves, motion, style
+from mufe_fenicsx.report import curves, motion, scans, style
 from mufe_fenicsx.report.animation import _write_mp4
 from mufe_fenicsx.report.axes import without_spikes
 from mufe_fenicsx.report.motion import draw_arrows
 from mufe_fenicsx.report.parts import FIGURES
 from mufe_fenicsx.report.source import Source
+from mufe_fenicsx.results.scans import Beside
 from tests.made_up_run import fake_history, write_history, write_whole_run
 from tests.report.test_report_stages import STAGED, staged_history, write_staged_run
 
@@ -164,3 +166,27 @@ def test_arrows_of_displacement_end_inside_their_axes(look, sources):
             assert (values > low - 1e-9).all() and (values < high + 1e-9).all()
     # Clipped, where they begin outside of the frame.
     assert all(c.get_clip_on() for axis in figure.axes[:2] for c in axis.collections)
+
+
+def test_figures_beside_scans(look):
+    """Of twenty grains, and of four whose rotations and strains nobody knows."""
+    rng = np.random.default_rng(1)
+    for num in (20, 4):
+        names = [f"{name}_{a}" for name in ("center", "displacement", "rotation") for a in "xyz"]
+        names += [f"run_{name}" for name in names[3:]]
+        table = pandas.DataFrame(1e-4 * rng.random((num, len(names))), columns=names)
+        table = table.assign(grain=np.arange(num), volume=1e-13, displacement_difference=1e-6)
+        if num == 20:
+            table = table.assign(dice=rng.random(num), rotation_difference=rng.random(num))
+            strains = ("strain_zz", "strain_deviator", "run_strain_zz", "run_strain_deviator")
+            table = table.assign(**{name: rng.random(num) for name in strains})
+        else:
+            table.loc[:, [f"rotation_{a}" for a in "xyz"]] = np.nan
+            table["rotation_difference"] = np.nan
+        found = Beside(table, {}, None, np.zeros((20, 24, 22), np.int32))
+        found.run_labels[4:9, 6:12, 4:12] = 1
+        drawn = [draw(found, "scan", 1e-5) for draw in scans.FIGURES]
+        drawn.append(scans.draw_slices(found, "scan", 1e-5, found.run_labels))
+        assert [legends_beside_axes(drawing.figure) for drawing in drawn] == [1, 0, 0, 0]
+        panels = [sum(bool(a.get_title(loc="left")) for a in d.figure.axes) for d in drawn]
+        assert panels == ([3, 6, 3, 3] if num == 20 else [3, 3, 1, 3])

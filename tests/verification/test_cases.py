@@ -93,6 +93,7 @@ CHEAP = [
     ("kalthoff-winkler", {}, "slow"),
     ("branching-plate", {}, "slow"),
     ("strain-cycle", {"paths": 12, "steps": 400}, ""),
+    ("tracking", {}, "slow"),
     ("crush", {"element_size": 0.4, "speed": 10}, "slow"),
 ]
 

@@ -13,6 +13,7 @@ from ...machine.files import replacing
 from .array_file import array_names
 from .image import to_cubes
 from .image_files import read_with_size
+from .label_defects import defects_of
 from .labels import doubts_about, plain_labels
 from .tiff_file import TIFF
 from .voxel_size import known_voxel_size, own_description, own_voxel_size
@@ -92,7 +93,7 @@ def read_labels(
         )
     labels = plain_labels(labels, path, numbers)
     if notices is not None:
-        notices += doubts_about(labels, path)
+        notices += doubts_about(labels, path) + defects_of(labels, path)
     return to_cubes(labels, size, labels=True)
 
 

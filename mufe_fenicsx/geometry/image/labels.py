@@ -178,7 +178,8 @@ def checked_labels(labels, *, keep_largest_piece=False, source="labels"):
             if not keep_largest_piece:
                 raise InputError(
                     f"{source}: grain {grain} is in {len(sizes)} pieces of "
-                    f"{_few(np.sort(sizes)[::-1])} voxels, expected one{_use(sizes)}"
+                    f"{_few(np.sort(sizes)[::-1])} voxels, {_second(numbered, sizes, where)}"
+                    f"{_others_in_pieces(labels, grain)}, expected one{_use(sizes)}"
                 )
             mask = numbered == 1 + np.argmax(sizes)
             labels[where][(numbered > 0) & ~mask] = 0
@@ -210,6 +211,19 @@ def left_out_lines(left_out, labels):
             line += "; as large as grains: has the number been used twice?"
         lines.append(line)
     return lines
+
+
+def _second(numbered, sizes, where):
+    """Where the second piece of a grain is, in words."""
+    at = np.argwhere(numbered == 1 + np.argsort(-sizes, kind="stable")[1])[0]
+    place = tuple((at + [s.start for s in where]).tolist())
+    return f"the second at (z, y, x) = {place}"
+
+
+def _others_in_pieces(labels, grain):
+    """How many other grains are in pieces, in words."""
+    others = [g for g, where in grains_in(labels) if len(pieces(labels[where] == g)[1]) > 1]
+    return f" (and {len(others) - 1} other grains are)" if others != [grain] else ""
 
 
 def _use(sizes):

@@ -1,0 +1,108 @@
+"""`mufe compare`: a run beside scans of the same sample.
+
+What the command needs is imported where it runs, so that `mufe --help` is quick.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer.core import TyperCommand
+
+from .app import Json, Overwrite, app, serial_only
+from .arguments import lengths, voxel_edges
+from .terminal import Printer, progress_bar
+
+#: What is printed of each scan; the report and JSON have all.
+SHOWN = (
+    "strain", "num_tracked", "num_lost_in_scan", "mean_displacement",
+    "mean_displacement_difference", "mean_difference_voxels", "mean_rotation_difference",
+    "mean_dice", "contacts_gained", "run_contacts_gained", "contacts_lost", "run_contacts_lost",
+)  # fmt: skip
+#: Options that take several values in a row.
+LISTS = ("--labels", "--tracks")
+
+
+class _Lists(TyperCommand):
+    """`--labels A B C` is `--labels A --labels B --labels C`."""
+
+    def parse_args(self, ctx, args):
+        told, of = [], None
+        for word in args:
+            if word.startswith("-") and word != "-":
+                of = word if word in LISTS else None
+                told += [] if of else [word]
+            else:
+                told += [of, word] if of else [word]
+        return super().parse_args(ctx, told)
+
+
+@app.command(cls=_Lists)
+def compare(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder that `mufe run` wrote.")],
+    labels: Annotated[
+        list[Path],
+        typer.Option(
+            metavar="SCAN...", help="Labels: of the sample before the test, then of later scans."
+        ),
+    ],
+    tracks: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="TABLE...",
+            help="Of SPAM (ddic) or iDVC (.disp), one a later scan, instead of tracking here.",
+        ),
+    ] = None,
+    strain: Annotated[
+        str | None,
+        typer.Option(
+            metavar="E,E…", help="Of the run at each later scan; default: by the grains' motion."
+        ),
+    ] = None,
+    align: Annotated[
+        bool, typer.Option("--align", help="Take out the motion that all grains share.")
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="Folder; default: RUN-scans."),
+    ] = None,
+    voxel_size: Annotated[
+        str | None, typer.Option(help='Of labels that do not state it, such as "5 um".')
+    ] = None,
+    key: Annotated[
+        str | None, typer.Option(help="Name of the labels in a .npz or .h5 file.")
+    ] = None,
+    overwrite: Overwrite = False,
+    json: Json = None,
+):
+    """Track grains through scans and hold a run against them: motions, strains, contacts."""
+    serial_only("compare")
+    printer = Printer(json)
+    strains = _strains(strain)
+    size = voxel_edges(voxel_size)
+    output = Path(f"{run.resolve().name}-scans") if output is None else output
+    with progress_bar("tracking") as progress:
+        from ..peers.scans import compare_scans
+
+        result = compare_scans(
+            run, labels, output, tracks=tracks or (), strains=strains, voxel_size=size, key=key,
+            align=align, progress=progress, overwrite=overwrite,
+        )  # fmt: skip
+    for scan in result["scans"]:
+        printer.say(f"{scan['scan']}:")
+        printer.summary({name: scan[name] for name in SHOWN if name in scan})
+        printer.say("")
+    printer.say(*result["notices"], f"report: {result['report']}")
+    printer.write_json(result)
+
+
+def _strains(text):
+    """Numbers of a text with commas; () where there is none."""
+    from ..errors import InputError
+
+    found = lengths(text)
+    found = [] if found is None else found if isinstance(found, list) else [found]
+    for value in found:
+        if not isinstance(value, float):
+            raise InputError(f'--strain "{text}", expected numbers with commas: 0.01,0.05')
+    return tuple(found)

@@ -1,0 +1,173 @@
+"""From labels of scans, and tracks by others, to a folder with a run beside them."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..geometry.image.label_files import read_labels
+from ..geometry.tracking.bodies import bodies_of
+from ..geometry.tracking.track import track_bodies
+from ..machine.files import new_folder
+from ..report.scans import write_scans
+from ..results import Run
+from ..results.scans import beside, grains_of_labels
+from .tracks import read_track
+
+#: Table of all grains, by which a folder of a comparison is known; and the mean strains of the
+#: sample, which stages can follow.
+TABLE, MOTION = "compare.csv", "motion.csv"
+
+
+def compare_scans(
+    run, labels, output, *, tracks=(), strains=(), voxel_size=None, key=None, align=False,
+    progress=None, overwrite=False,
+):  # fmt: skip
+    """Hold a run against scans of its sample, grain by grain.
+
+    Writes ``compare.csv`` (a row a grain and scan), ``motion.csv`` (the mean strains of the sample
+    along the axes of the container, a row a scan, as `follow` of a stage takes them),
+    ``report.html`` and ``figures``.
+
+    Args:
+        run: Folder that ``mufe run`` wrote.
+        labels: Label images, first that of the sample before the test: the labels that were meshed,
+            or others in the same place. Then those of later scans; where others tracked these, they
+            may be left out.
+        output: New folder.
+        tracks: Tables of `peers.tracks.read_track`, one for each later scan; none: tracked here.
+        strains: Of the run's states at each later scan; none: see `results.scans.strain_of_run_at`.
+        voxel_size, key: See `label_files.read_labels`.
+        align: See `results.scans.beside`.
+        progress: Called with numbers of grains done and of all, and a text.
+        overwrite: Replace a folder that was written by this before.
+
+    Returns:
+        A dictionary: files, and ``scans``, a list of what `results.scans.Beside` counts.
+
+    Raises:
+        InputError: Scans, tracks and run do not belong together, or the output cannot be written.
+    """
+    start = time.perf_counter()
+    run = Run(run)
+    labels, tracks, notices = [Path(p) for p in labels], [Path(p) for p in tracks], []
+    num = _num_scans(labels, tracks, strains)
+    images, size = _read_scans(labels, voxel_size, key, notices)
+    first = bodies_of(images[0], str(labels[0]))
+    grains = grains_of_labels(run, images[0], size, labels[0])
+    names = [p.name for p in (labels[1:] or tracks)]
+    found, before = [], None
+    with new_folder(output, overwrite=overwrite, marker=TABLE) as folder:
+        for k in range(num):
+            later = images[k + 1] if len(images) > 1 else None
+            if tracks:
+                track = read_track(tracks[k], first, size)
+                track = track if later is None else _with_labels(track, later, size)
+            else:
+                new = bodies_of(later, str(labels[k + 1]))
+                told = progress and (lambda done, n, text=names[k]: progress(done, n, text))
+                track = track_bodies(first, new, size, before, told, (labels[0], labels[k + 1]))
+                before = track
+            strain = strains[k] if strains else None
+            pair = (images[0], later)
+            found.append(beside(run, track, grains, size, strain=strain, labels=pair, align=align))
+        _write_table(folder / TABLE, names, found)
+        _write_motion(folder / MOTION, run.container, found)
+        shown = zip(names, found, images[1:] or [None] * num, strict=True)
+        write_scans(folder, run, list(shown), size, _about(labels[0], tracks, strains, align))
+    return {
+        "output": str(output),
+        "table": str(Path(output) / TABLE),
+        "report": str(Path(output) / "report.html"),
+        "voxel_size": size,
+        "notices": notices,
+        "scans": [{"scan": n} | f.numbers for n, f in zip(names, found, strict=True)],
+        "seconds": round(time.perf_counter() - start, 2),
+    }
+
+
+def _num_scans(labels, tracks, strains):
+    """How many later scans there are, after a check of the numbers of files."""
+    later = len(labels) - 1
+    if not labels or (later < 1 and not tracks):
+        raise InputError(
+            f"{len(labels)} scans, expected labels before the test and one later scan at least, or "
+            "its track"
+        )
+    if tracks and later not in (0, len(tracks)):
+        raise InputError(f"{len(tracks)} tracks of {later} later scans, expected as many")
+    num = len(tracks) or later
+    if strains and len(strains) != num:
+        raise InputError(f"{len(strains)} strains of {num} later scans, expected as many")
+    return num
+
+
+def _read_scans(paths, voxel_size, key, notices):
+    """Labels of all scans on the same voxels, and their size [m]."""
+    images, first = [], None
+    for path in paths:
+        image, size = read_labels(path, voxel_size=voxel_size, key=key, notices=notices)
+        if first is None:
+            first = size
+        if image.shape != (images[0].shape if images else image.shape):
+            raise InputError(
+                f"labels {path} have shape {image.shape}, expected {images[0].shape} as {paths[0]}"
+            )
+        if abs(size / first - 1) > 1e-3:
+            raise InputError(
+                f"labels {path} have voxels of {size:g} m, expected {first:g} m as {paths[0]}"
+            )
+        if not image.any():
+            raise InputError(f"labels {path}: no grain, all voxels are 0, expected at least one")
+        images.append(image.astype(np.int32))
+    return images, first
+
+
+def _with_labels(track, later, voxel_size):
+    """A track by others with the labels of the later scan at the places where grains went."""
+    place = (track.centre + np.where(track.found[:, None], track.displacement, 0.0)) / voxel_size
+    voxel = np.floor(place).astype(np.int64)[:, ::-1]
+    inside = track.found & ((voxel >= 0) & (voxel < later.shape)).all(axis=1)
+    track.label_now[inside] = later[tuple(voxel[inside].T)]
+    return track
+
+
+def _write_table(path, names, found):
+    """All grains of all scans; the name of the scan comes first."""
+    import pandas
+
+    tables = [f.table.assign(scan=n) for n, f in zip(names, found, strict=True)]
+    for table in tables:
+        table.attrs.clear()
+    table = pandas.concat(tables, ignore_index=True)
+    table[["scan", *(c for c in table if c != "scan")]].to_csv(path, index=False)
+
+
+def _write_motion(path, container, found):
+    """Strains of the sample at each scan; the number of the scan stands for the time."""
+    strains = np.array([[f.numbers[f"sample_strain_{a}"] for a in "xyz"] for f in found])
+    known = {"x": strains[:, 0], "y": strains[:, 1], "z": strains[:, 2]}
+    known["r"] = strains[:, :2].mean(axis=1)
+    columns = {axis: known[axis] for axis in container.axes if axis in known}
+    rows = np.column_stack([np.arange(len(found)) + 1, *columns.values()])
+    rows = np.vstack([np.zeros(rows.shape[1]), rows])
+    head = ", ".join(["time [s]", *(f"strain_{a}" for a in columns)])
+    np.savetxt(path, rows, fmt="%.9g", delimiter=", ", header=head, comments="")
+
+
+def _about(first, tracks, strains, align):
+    """How the comparison came about, in sentences."""
+    how = "read from tables of others" if tracks else "tracked by assignment and rigid registration"
+    said = [f"Grains of {first.name} were {how} in later scans."]
+    said.append(
+        "The strains of the run were given."
+        if strains
+        else "Each scan stands beside the run where the same grains are pressed as much along z."
+    )
+    said.append(
+        "Displacements count from the first scan, and from the first stored state of the run."
+    )
+    if align:
+        said.append("The motion that all grains share beyond that of the run was taken out.")
+    return said

@@ -1,0 +1,397 @@
+"""A run beside scans of the same sample: grains at the same strain, one by one and all together.
+
+Columns of the table, a row a grain: ``grain`` in the run, ``label`` in the first scan and
+``label_now``; ``volume`` in the run's first state [m³]; ``center_x`` … in the first scan [m];
+``displacement_x`` … from the first scan and ``run_displacement_x`` … from the first stored state
+[m]; ``displacement_difference``, the length of their difference; ``rotation_x`` … and
+``run_rotation_x`` …, rotation vectors [rad]; ``rotation_difference``, the angle between both.
+
+``strain_zz``, ``strain_volume``, ``strain_deviator``, and with ``run_`` those of the run, are
+logarithmic, compression positive: means at the grain over Delaunay cells of centres
+(:mod:`mufe_fenicsx.analysis.localisation`), for both the cells of the first scan. ``misfit`` is
+that of the registration. ``run_tensile_stress_xx`` … is the mean Cauchy stress of the grain in the
+nearer state of the run, tension positive [Pa].
+
+With labels of the later scan: ``dice``, the overlap of its label with the run's grain, and
+``contacts_gained``, ``contacts_lost``, and with ``run_`` those of the run: labels that begin or
+cease to share faces of voxels, the run's grains on the same voxels.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas
+from scipy.spatial.transform import Rotation
+
+from ..analysis.grain_stress import grain_stress
+from ..analysis.kinematics import grain_motion
+from ..analysis.localisation import delaunay_cells, grain_strain
+from ..errors import InputError
+from ..geometry.image.compare_labels import matched_grains
+from ..geometry.image.labels import touching_labels
+from ..kernels.geometry.voxels import label_cells
+from .columns import STRESS, columns_of
+from .grain_tables import grain_volumes
+
+#: Share of the run's grains that have to lie on a label of the first scan.
+ENOUGH = 0.5
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A run at some strain, between two of its stored states."""
+
+    strain: float  #: as the states count it [-]
+    states: tuple  #: numbers of the two states
+    weight: float  #: of the second, 0 to 1
+    points: np.ndarray  #: nodes [m], shape (num_nodes, 3)
+    start: np.ndarray  #: the same nodes in the first stored state [m], shape (num_nodes, 3)
+    state: object  #: :class:`~mufe_fenicsx.results.state.State` whose mesh it is
+
+
+def moment_at(run, strain):
+    """The :class:`Moment` at which a run first comes by a strain; places in between are linear.
+
+    Raises:
+        InputError: The run has no states of loading, or does not come by that strain.
+    """
+    states = run.states
+    if len(states) == 0:
+        raise InputError(f"{run.path / 'fields'} has no stored states, expected two or more")
+    known, numbers = states["strain"].to_numpy(dtype=float), states.index.to_numpy()
+    low, high = known.min(), known.max()
+    slack = 1e-9 + 1e-6 * (high - low)
+    if not low - slack <= strain <= high + slack:
+        raise InputError(
+            f"strain = {strain:g} of a scan, expected {low:g} to {high:g} as the states of "
+            f"{run.path} have"
+        )
+    strain = min(max(strain, low), high)
+    between = (known[:-1] - strain) * (known[1:] - strain) <= 0
+    k = int(np.argmax(between)) if between.any() else 0
+    ends = numbers[[k, min(k + 1, len(known) - 1)]]
+    gap = known[min(k + 1, len(known) - 1)] - known[k]
+    weight = float((strain - known[k]) / gap) if gap else 0.0
+    later = run.state(int(ends[1]))
+    points = later.points
+    if weight < 1.0:
+        points = (1 - weight) * later.points_of(run.state(int(ends[0]))) + weight * points
+    start = later.points_of(run.state(int(numbers[0])))
+    return Moment(float(strain), tuple(int(e) for e in ends), weight, points, start, later)
+
+
+def voxels_of(moment, shape, voxel_size, shift=(0.0, 0.0, 0.0)):
+    """Grains of a :class:`Moment` as labels on the voxels of a scan.
+
+    Args:
+        moment: The run at some strain.
+        shape: Of the image, (z, y, x).
+        voxel_size: [m].
+        shift: By which the run is moved before [m], (x, y, z).
+    """
+    labels = np.zeros(shape, dtype=np.int32)
+    place = np.ascontiguousarray((moment.points + np.asarray(shift)) / voxel_size)
+    cells = np.ascontiguousarray(moment.state.cells, dtype=np.int64)
+    label_cells(labels, place, cells, moment.state.grain.astype(np.int32))
+    return labels
+
+
+def grains_of_labels(run, labels, voxel_size, source):
+    """Label in a first scan of each grain of a run, by where its first state has it.
+
+    Returns:
+        Dictionary {grain: label}.
+
+    Raises:
+        InputError: Fewer than half of the grains lie on a label of their own.
+    """
+    first = moment_at(run, float(run.states["strain"].iloc[0]) if len(run.states) else 0.0)
+    ours = voxels_of(first, labels.shape, voxel_size)
+    found = matched_grains(labels, ours)
+    num = len(first.state.labels)
+    if len(found) < ENOUGH * num:
+        raise InputError(
+            f"labels {source}: {len(found)} of {num} grains of {run.path} lie on a label, expected "
+            f"{ENOUGH:.0%} at least: labels in the place and with the voxel size of those meshed"
+        )
+    return found
+
+
+def mean_strains(centre, displacement):
+    """Shortening along x, y and z of the linear field that fits displacements best [-], shape (3,).
+
+    Args:
+        centre: Before [m], (x, y, z), shape (num_grains, 3).
+        displacement: [m], the same; rows with nan are left out.
+
+    Raises:
+        InputError: Fewer than four grains are known.
+    """
+    known = np.isfinite(displacement).all(axis=1)
+    if known.sum() < 4:
+        raise InputError(f"{known.sum()} tracked grains, expected 4 at least for a strain")
+    place = np.column_stack([centre[known], np.ones(known.sum())])
+    gradient, *_ = np.linalg.lstsq(place, displacement[known], rcond=None)
+    return -np.diag(gradient[:3])
+
+
+def strain_of_run_at(run, grains, centre, displacement):
+    """Strain of the states of a run at which its grains are pressed as those of a scan.
+
+    Both sides count the shortening along z of the same grains, see :func:`mean_strains`: walls,
+    and grains that no scan shows, do not matter.
+
+    Args:
+        run: :class:`~mufe_fenicsx.results.run.Run`.
+        grains: Labels in the run, shape (num_grains,).
+        centre, displacement: Of these in the scans [m], shape (num_grains, 3).
+
+    Returns:
+        Strain of the states; that of the nearest state where the run does not come by.
+    """
+    wanted = mean_strains(centre, displacement)[2]
+    strains = []
+    first = run.state(int(run.states.index[0]))
+    for number in run.states.index:
+        state = run.state(int(number))
+        motion = grain_motion(state.points_of(first), state.points, state.cells, state.grain)
+        at = np.searchsorted(motion.labels, grains)
+        moved = np.where(np.isfinite(displacement), motion.translation[at], np.nan)
+        strains.append(mean_strains(centre, moved)[2])
+    known, of_states = run.states["strain"].to_numpy(dtype=float), np.array(strains)
+    between = (of_states[:-1] - wanted) * (of_states[1:] - wanted) <= 0
+    if not between.any():
+        return float(known[np.argmin(np.abs(of_states - wanted))])
+    k = int(np.argmax(between))
+    gap = of_states[k + 1] - of_states[k]
+    part = (wanted - of_states[k]) / gap if gap else 0.0
+    return float(known[k] + part * (known[k + 1] - known[k]))
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A run beside one later scan."""
+
+    table: pandas.DataFrame  #: a row a grain, see above
+    numbers: dict  #: of all grains together
+    moment: Moment
+    run_labels: np.ndarray | None  #: the run's grains on the scan's voxels; None without labels
+
+
+def beside(run, track, grains, voxel_size, *, strain=None, labels=(None, None), align=False):
+    """A run beside a scan that was tracked.
+
+    Args:
+        run: :class:`~mufe_fenicsx.results.run.Run`.
+        track: :class:`~mufe_fenicsx.geometry.tracking.track.Track`.
+        grains: Of :func:`grains_of_labels`.
+        voxel_size: [m].
+        strain: Of the run's states at which it is looked at; None: see :func:`strain_of_run_at`.
+        labels: Of the first scan and of the later one, (z, y, x); None where there are none.
+        align: Take the mean difference of displacements, as of a sample that was mounted anew, out
+            of the scan.
+
+    Returns:
+        :class:`Beside`.
+
+    Raises:
+        InputError: Fewer than four grains are tracked, or the run does not come by the strain.
+    """
+    grain, at = _tracked(track, grains)
+    if strain is None:
+        strain = strain_of_run_at(run, grain, track.centre[at], track.displacement[at])
+    moment = moment_at(run, strain)
+    table, shift = _motions(run, track, moment, (grain, at), align)
+    run_labels = None
+    if labels[1] is not None:
+        run_labels = voxels_of(moment, labels[1].shape, voxel_size, shift if align else np.zeros(3))
+        table["dice"] = _dice(run_labels, labels[1], grain, track.label_now[at])
+        _add_contacts(table, run, labels, run_labels, voxel_size)
+    for name, values in _stresses(run, moment, grain).items():
+        table[name] = values
+    numbers = _numbers(table, track, voxel_size, moment, len(grains))
+    numbers |= {f"common_shift_{a}": float(s) for a, s in zip("xyz", shift, strict=True)}
+    of_all = mean_strains(track.centre, track.displacement)
+    numbers |= {f"sample_strain_{a}": float(s) for a, s in zip("xyz", of_all, strict=True)}
+    return Beside(table, numbers, moment, run_labels)
+
+
+def _tracked(track, grains):
+    """Grains of the run that are tracked, and their places in the track."""
+    label_of = {label: k for k, label in enumerate(track.label.tolist())}
+    pairs = [(g, label_of[n]) for g, n in sorted(grains.items()) if n in label_of]
+    pairs = [(g, k) for g, k in pairs if track.found[k]]
+    if len(pairs) < 4:
+        raise InputError(f"{len(pairs)} grains of the run are tracked, expected 4 at least")
+    return tuple(np.array(x) for x in zip(*pairs, strict=True))
+
+
+def _motions(run, track, moment, grains, align):
+    """The table's columns of motions and strains, and the motion of all beyond the run's [m]."""
+    grain, at = grains
+    centre, moved, volume = track.centre[at], track.displacement[at], _volumes(run, grain)
+    own = grain_motion(moment.start, moment.points, moment.state.cells, moment.state.grain)
+    mine = np.searchsorted(own.labels, grain)
+    # The place of a label's centre as the run takes it there: both move the same point.
+    off = centre - own.centre[mine]
+    ours = own.translation[mine] + np.einsum("gij,gj->gi", own.rotation[mine], off) - off
+    shift = (moved - ours).mean(axis=0)
+    moved = moved - shift if align else moved
+    table = pandas.DataFrame(
+        {"grain": grain, "label": track.label[at], "label_now": track.label_now[at]}
+        | {"volume": volume}
+        | columns_of("center", centre)
+        | columns_of("displacement", moved)
+        | columns_of("run_displacement", ours)
+        | {"displacement_difference": np.linalg.norm(moved - ours, axis=1)}
+        | _rotations(track.rotation[at], own.rotation[mine])
+        | _strains(volume, centre, (moved, ours))
+        | {"misfit": track.misfit[at]}
+    )
+    return table, shift
+
+
+def _rotations(scan, run):
+    """Columns of rotations of scan and run, and the angle between both."""
+    known = np.isfinite(scan).all(axis=(1, 2))
+    vectors = [np.full((len(scan), 3), np.nan) for _ in range(2)]
+    angle = np.full(len(scan), np.nan)
+    vectors[1] = Rotation.from_matrix(run).as_rotvec()
+    if known.any():
+        of_scan = Rotation.from_matrix(scan[known])
+        vectors[0][known] = of_scan.as_rotvec()
+        angle[known] = (of_scan * Rotation.from_matrix(run[known]).inv()).magnitude()
+    return (
+        columns_of("rotation", vectors[0])
+        | columns_of("run_rotation", vectors[1])
+        | {"rotation_difference": angle}
+    )
+
+
+def _volumes(run, grain):
+    """Of grains in the first stored state [m³], shape (num_grains,)."""
+    labels, volume = grain_volumes(run.state(int(run.states.index[0])))
+    return volume[np.searchsorted(labels, grain)]
+
+
+def _strains(volume, centre, displacements):
+    """Columns of the strains around each grain, of scan and run; none where no cell is."""
+    try:
+        cells = delaunay_cells(centre, np.cbrt(3 * volume / (4 * np.pi)))
+    except InputError:  # a few grains, or all in a plane
+        return {}
+    columns = {}
+    for prefix, moved in zip(("", "run_"), displacements, strict=True):
+        found = grain_strain(cells, centre, centre + moved)
+        columns |= {
+            f"{prefix}strain_zz": found.strain[:, 2, 2],
+            f"{prefix}strain_volume": found.strain_volume,
+            f"{prefix}strain_deviator": found.strain_deviator,
+        }
+    return columns
+
+
+def _dice(ours, theirs, grain, label_now):
+    """2 |A ∩ B| / (|A| + |B|) of each grain of the run and its label [-]; nan without a label."""
+    base = int(theirs.max()) + 1
+    both = (ours > 0) & (theirs > 0)
+    key, count = np.unique(ours[both].astype(np.int64) * base + theirs[both], return_counts=True)
+    shared = dict(zip(key.tolist(), count.tolist(), strict=True))
+    size = [np.bincount(x.ravel()) for x in (ours, theirs)]
+    dice = []
+    for g, n in zip(grain.tolist(), label_now.tolist(), strict=True):
+        whole = (size[0][g] if g < len(size[0]) else 0) + size[1][n]
+        dice.append(2 * shared.get(g * base + n, 0) / whole if n > 0 else np.nan)
+    return np.array(dice)
+
+
+def _add_contacts(table, run, labels, run_labels, voxel_size):
+    """Contacts gained and lost of each grain, of scan and run, as columns of the table."""
+    first = moment_at(run, float(run.states["strain"].iloc[0]))
+    before = voxels_of(first, labels[0].shape, voxel_size)
+    known = set(table["grain"].tolist())
+    scan = [dict(zip(table[name], table["grain"], strict=True)) for name in ("label", "label_now")]
+    own = {g: g for g in known}
+    for prefix, pair in (
+        ("", zip(labels, scan, strict=True)),
+        ("run_", ((before, own), (run_labels, own))),
+    ):
+        old, new = (pairs_of(image, grain_of) for image, grain_of in pair)
+        for name, changed in (("gained", new - old), ("lost", old - new)):
+            count = pandas.Series([g for p in changed for g in p], dtype=np.int64).value_counts()
+            table[f"{prefix}contacts_{name}"] = count.reindex(
+                table["grain"], fill_value=0
+            ).to_numpy()
+        table.attrs[f"{prefix}contacts"] = old, new
+
+
+def pairs_of(labels, grain_of):
+    """Pairs of grains whose labels share faces of voxels, a set of (a, b) with a < b.
+
+    Args:
+        labels: (z, y, x).
+        grain_of: Dictionary {label: grain}; other labels are left out.
+    """
+    found = [p for p in touching_labels(labels) if p[0] in grain_of and p[1] in grain_of]
+    return {tuple(sorted((grain_of[a], grain_of[b]))) for a, b in found}
+
+
+def _stresses(run, moment, grain):
+    """Columns of the mean stress of each grain in the nearer of both states."""
+    state = run.state(moment.states[1] if moment.weight >= 0.5 else moment.states[0])
+    found = grain_stress(
+        state.stress, state.von_mises, state.plastic_strain, state.volume, state.grain
+    )
+    return columns_of(
+        "run_tensile_stress", found.stress[np.searchsorted(found.labels, grain)], STRESS
+    )
+
+
+def _numbers(table, track, voxel_size, moment, num_grains):
+    """What the table says of all grains together, a dict of plain numbers."""
+    difference = table["displacement_difference"].to_numpy()
+    numbers = {
+        "strain": moment.strain,
+        "states": list(moment.states),
+        "num_grains": num_grains,
+        "num_tracked": len(table),
+        "num_lost_in_scan": int((~track.found).sum()),
+        "mean_displacement": float(
+            np.linalg.norm(table[[f"displacement_{a}" for a in "xyz"]], axis=1).mean()
+        ),
+        "mean_displacement_difference": float(difference.mean()),
+        "rms_displacement_difference": _rms(difference),
+        "mean_difference_voxels": float(difference.mean() / voxel_size),
+        "mean_rotation_difference": _mean(table["rotation_difference"]),
+        "rms_rotation_difference": _rms(table["rotation_difference"].dropna()),
+    }
+    for name in ("strain_zz", "strain_volume", "strain_deviator"):
+        if name in table:
+            for prefix in ("", "run_"):
+                numbers[f"mean_{prefix}{name}"] = _mean(table[prefix + name])
+            both = table[[name, f"run_{name}"]].dropna()
+            numbers[f"correlation_{name}"] = (
+                float(np.corrcoef(both.T.to_numpy())[0, 1]) if len(both) > 2 else np.nan
+            )
+    if "dice" in table:
+        numbers["mean_dice"] = _mean(table["dice"])
+        scan, own = table.attrs["contacts"], table.attrs["run_contacts"]
+        for prefix, (old, new) in (("", scan), ("run_", own)):
+            numbers[f"{prefix}contacts_before"], numbers[f"{prefix}contacts_now"] = (
+                len(old),
+                len(new),
+            )
+            numbers[f"{prefix}contacts_gained"] = len(new - old)
+            numbers[f"{prefix}contacts_lost"] = len(old - new)
+        numbers["contacts_now_in_both"] = len(scan[1] & own[1])
+    return numbers
+
+
+def _mean(values):
+    values = np.asarray(values, dtype=float)
+    return float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
+
+
+def _rms(values):
+    values = np.asarray(values, dtype=float)
+    return float(np.sqrt(np.mean(values**2))) if values.size else np.nan

@@ -1,0 +1,129 @@
+"""`mufe compare` holds a run against its own images, and refuses what does not belong to it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas
+import pytest
+from matplotlib.figure import Figure
+
+from mufe_fenicsx.cli.main import main
+from mufe_fenicsx.geometry.image.label_files import write_labels
+from mufe_fenicsx.loading.measured import read_measured
+from mufe_fenicsx.loading.measured_paths import columns_of
+from mufe_fenicsx.peers.scans import compare_scans
+from mufe_fenicsx.results import Run
+from mufe_fenicsx.results.scans import moment_at, voxels_of
+from tests.made_up_run import write_run
+
+VOXEL = 1.25e-5
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A made-up run of eight balls of 16 voxels, and images of it at strains of 0 and 0.02."""
+    folder = tmp_path_factory.mktemp("compare")
+    (folder / "run").mkdir()
+    write_run(folder / "run", counts=(2, 2, 2))
+    run = Run(folder / "run")
+    for k in range(2):
+        labels = voxels_of(moment_at(run, 0.02 * k), (34, 34, 34), VOXEL)
+        write_labels(folder / f"scan{k}.tif", labels, VOXEL)
+    labels = labels.astype(np.int32)
+    write_labels(folder / "small.tif", labels[1:], VOXEL)
+    write_labels(folder / "coarse.tif", labels, 2 * VOXEL)
+    write_labels(folder / "empty.tif", 0 * labels, VOXEL)
+    (folder / "wrong.tsv").write_text("Label\tZpos\n1\t2\n")
+    return folder
+
+
+@pytest.fixture
+def mufe(place, monkeypatch, capfd):
+    """Run a command in the folder; its status, standard output and error."""
+    monkeypatch.chdir(place)
+
+    def run(*words):
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        told = capfd.readouterr()
+        return ended.value.code or 0, told.out, told.err
+
+    return run
+
+
+def test_a_run_against_its_images(mufe, place):
+    status, out, _ = mufe(
+        "compare", "run", "--labels", "scan0.tif", "scan1.tif", "--json", "a.json"
+    )
+    assert status == 0 and "scan1.tif:" in out and "report: run-scans/report.html" in out
+    told = json.loads((place / "a.json").read_text())
+    (scan,) = told["scans"]
+    # The bounds of the whole method. Centres are 16 voxels apart, a tenth of which is 0.006.
+    assert scan["scan"] == "scan1.tif" and scan["strain"] == pytest.approx(0.02, abs=6e-3)
+    assert scan["mean_difference_voxels"] < 0.15 and scan["mean_dice"] > 0.95
+    table = pandas.read_csv(place / "run-scans" / "compare.csv")
+    assert table["grain"].tolist() == list(range(10, 18))
+    made = {p.name for p in (place / "run-scans" / "figures").iterdir()}
+    assert {f"scan-1-{n}.png" for n in ("scatter", "maps", "slices", "differences")} <= made
+    page = (place / "run-scans" / "report.html").read_text()
+    assert "Overlap of grains with their labels (Dice), mean" in page and page.count("<figure") == 4
+    # Stages can follow the sample's strains.
+    motion = read_measured(
+        place / "run-scans" / "motion.csv", columns_of(Run(place / "run").container)
+    )
+    assert motion.columns["strain_z"] == pytest.approx([0, 0.02], abs=6e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("scan0.tif",), "1 scans, expected labels before the test and one later scan at least"),
+        (("scan0.tif", "small.tif"), "labels small.tif have shape (33, 34, 34), expected (34,"),
+        (
+            ("scan0.tif", "coarse.tif"),
+            "labels coarse.tif have voxels of 2.5e-05 m, expected 1.25e-05",
+        ),
+        (("scan0.tif", "empty.tif"), "labels empty.tif: no grain, all voxels are 0, expected"),
+        (("scan0.tif", "none.tif"), "none.tif"),
+        (("coarse.tif", "coarse.tif"), "labels coarse.tif: 0 of 8 grains of run lie on a label"),
+        (
+            ("scan0.tif", "--tracks", "wrong.tsv"),
+            "track wrong.tsv has columns Label, Zpos, expected",
+        ),
+        (
+            ("scan0.tif", "scan1.tif", "--strain", "0.5"),
+            "strain = 0.5 of a scan, expected 0 to 0.1",
+        ),
+        (
+            ("scan0.tif", "scan1.tif", "--strain", "1,2"),
+            "2 strains of 1 later scans, expected as many",
+        ),
+        (("scan0.tif", "scan1.tif", "--strain", "a"), '--strain "a", expected numbers with commas'),
+    ],
+)
+def test_what_does_not_belong_to_a_run_is_refused(mufe, place, words, said):
+    status, _, err = mufe("compare", "run", "--labels", *words, "-o", "x")
+    (line,) = [line for line in err.splitlines() if not line.startswith("mufe: tracking")]
+    assert status == 2 and said in line and not (place / "x").exists()
+
+
+def test_a_table_of_others_stands_for_the_later_scan(place, tmp_path, monkeypatch):
+    """The run's own motion as a table of SPAM: no labels are needed, and there is no overlap."""
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **options: Path(path).touch())
+    run = Run(place / "run")
+    state, first = run.state(1), run.state(0)
+    rows = ["Label\tZpos\tYpos\tXpos\tZdisp\tYdisp\tXdisp"]
+    for label in state.labels:
+        nodes = np.unique(state.cells[state.grain == label])
+        at = first.points[nodes].mean(axis=0) / VOXEL - 0.5
+        moved = (state.points - first.points)[nodes].mean(axis=0) / VOXEL
+        rows.append("\t".join([str(label), *(f"{v:.7f}" for v in (*at[::-1], *moved[::-1]))]))
+    (tmp_path / "t.tsv").write_text("\n".join(rows) + "\n")
+    told = compare_scans(
+        place / "run", [place / "scan0.tif"], tmp_path / "out", tracks=[tmp_path / "t.tsv"]
+    )
+    (scan,) = told["scans"]
+    # Means of nodes are not centres of volume, and grains are squeezed by 5 %.
+    assert scan["strain"] == pytest.approx(0.05, abs=1e-3) and "mean_dice" not in scan
+    assert scan["mean_difference_voxels"] < 0.05
