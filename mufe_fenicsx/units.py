@@ -32,6 +32,7 @@ QUANTITIES = {
     "N*m": ("a torque", "1 N*mm"),
     "rad": ("an angle", "30 deg"),
     "rad/s": ("a rate of turning", "6 deg/s"),
+    "m/N": ("a compliance", "0.05 um/N"),
     "": ("a number", "0.1"),
 }
 
@@ -51,6 +52,7 @@ PLAUSIBLE = {
     "N*m": (1e-20, 1e12),
     "rad": (1e-12, 1e6),
     "rad/s": (1e-12, 1e9),
+    "m/N": (1e-18, 1e3),
     "": (1e-15, 1e12),
 }
 

@@ -21,7 +21,7 @@ LEVELS = (
     {"specimen", "results"},
     {"explicit", "implicit", "report"},
     {"run", "synthetic"},
-    {"planning", "peers"},
+    {"planning", "peers", "calibration"},
     {"verification"},
     {"cli"},
 )

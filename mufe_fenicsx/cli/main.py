@@ -13,6 +13,7 @@ import typer
 
 from ..errors import InputError
 from ..machine.doing import Doing
+from . import calibrate as _calibrate  # noqa: F401
 from . import chart as _chart  # noqa: F401
 from . import compare as _compare  # noqa: F401
 from . import export as _export  # noqa: F401

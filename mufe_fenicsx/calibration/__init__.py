@@ -1,0 +1,1 @@
+"""Material parameters from tests of single grains: pressed, rubbed, crushed."""

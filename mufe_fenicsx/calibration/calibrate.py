@@ -1,0 +1,173 @@
+"""`mufe calibrate`: from tables of tests of single grains to parameters, figures and a block."""
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..machine.files import new_folder, write_atomically
+from ..units import with_unit
+from . import sentences
+from .data import read_data
+from .figures import draw_curves, draw_friction, draw_survival
+from .fit import Given, fit_curves
+from .friction import fit_friction
+from .model import Setup
+from .weibull import fit_weibull
+
+#: File by which a folder of results is known.
+TABLE = "parameters.csv"
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is known of grains and machine."""
+
+    setup: Setup
+    given: Given
+    density: float  #: [kg/m³]
+    size: object = None  #: :class:`~.data.Size` of grains whose table has none
+
+
+def calibrate(paths, options, output, overwrite=False, progress=None):
+    """Fit all that the tables have and write it to a folder. Local.
+
+    Args:
+        paths: CSV files, as :mod:`~.data` says.
+        options: :class:`Options`.
+        output: Folder to write: parameters.csv, material.toml, curves.png, …
+        overwrite: Replace an earlier one.
+        progress: Function (done, total, text), or None.
+
+    Returns:
+        A dict: ``parameters`` is a list of dicts (name, value, low, high, unit), of 95 %;
+        ``correlation``; ``material``, the block; ``notes``, sentences; ``output``.
+
+    Raises:
+        InputError: As of :func:`~.data.read_data`; or the folder is there.
+    """
+    data = read_data(paths, options.size)
+    result = {"parameters": [], "notes": [f"{note}." for note in data.notes], "material": ""}
+    with new_folder(output, overwrite=overwrite, marker=TABLE) as folder:
+        if data.curves:
+            _pressed(folder, data, options, result, progress)
+        if data.rubbed:
+            _rubbed(folder, data, result)
+        if data.forces.size:
+            _crushed(folder, data, result)
+        write_atomically(folder / TABLE, _as_csv(result["parameters"]))
+        if result["material"]:
+            text = "".join(f"# {note}\n" for note in result["notes"]) + result["material"]
+            write_atomically(folder / "material.toml", text)
+    return result | {"output": Path(output)}
+
+
+def _pressed(folder, data, options, result, progress):
+    fit = fit_curves(data.curves, options.setup, options.given, progress)
+    rows = result["parameters"]
+    if "E" in fit.names:
+        rows.append(_row("Young's modulus", fit.value("E"), fit.interval("E"), "Pa"))
+    if sentences.yielded(fit):
+        rows.append(_row("yield stress", fit.value("yield"), fit.interval("yield"), "Pa"))
+        rows.append(
+            _row("slope of hardening", fit.value("hardening"), fit.interval("hardening"), "Pa")
+        )
+        strain, stress, ends = sentences.end_of_table(fit)
+        rows.append(_row(f"yield stress at plastic strain {strain:g}", stress, ends, "Pa"))
+    for name in fit.names:
+        if name.startswith(("compliance", "offset")):
+            unit = "m/N" if name.startswith("compliance") else "m"
+            rows.append(_row(name, fit.value(name), fit.interval(name), unit))
+    rows.append({"name": "scatter of force", "value": fit.scatter, "unit": ""})
+    result["correlation"] = {"names": fit.names, "matrix": fit.correlation}
+    result["notes"] += sentences.limits_of(fit, options.given.E)
+    result["material"] = sentences.material_block(fit, options.setup.nu, options.density)
+    offsets = [
+        fit.value(f"offset {c.name}") if options.given.offset is None else options.given.offset
+        for c in data.curves
+    ]
+    draw_curves(folder / "curves.png", data.curves, fit, offsets)
+    table = [["", *fit.names], *([n, *(f"{v:.4f}" for v in row)]
+             for n, row in zip(fit.names, fit.correlation, strict=True))]  # fmt: skip
+    write_atomically(folder / "correlation.csv", _text(table))
+
+
+def _rubbed(folder, data, result):
+    found = fit_friction(data.rubbed)
+    result["parameters"].append(_row("friction", found.mu, found.interval, ""))
+    for curve, stiffness in zip(data.rubbed, found.stiffness, strict=True):
+        name = f"tangential stiffness {curve.name}"
+        result["parameters"].append({"name": name, "value": stiffness, "unit": "N/m"})
+    if not found.sliding:
+        least = max(float(np.max(c.force / c.normal)) for c in data.rubbed)
+        result["notes"].append(f"No curve comes to slide: friction is at least {least:.2g}.")
+    draw_friction(folder / "friction.png", data.rubbed, found)
+
+
+def _crushed(folder, data, result):
+    found = fit_weibull(data.forces, data.diameters)
+    size = with_unit(found.size, "m")
+    rows = result["parameters"]
+    rows.append(_row("Weibull modulus", found.modulus, found.modulus_interval, ""))
+    name = f"strength 0.9 F/d² at {size}, which 37 % survive"
+    rows.append(_row(name, found.strength, found.strength_interval, "Pa"))
+    if found.exponent_interval:
+        rows.append(_row("fall of strength with size, exponent", found.exponent,
+                         found.exponent_interval, ""))  # fmt: skip
+        low, high = found.exponent_interval
+        volume = 3 / found.modulus
+        agrees = "as" if low <= volume <= high else "and not as"
+        result["notes"].append(
+            f"Strength falls with d^-{found.exponent:.2f}, {agrees} flaws in the volume would have "
+            f"it, d^-{volume:.2f}."
+        )
+    else:
+        result["notes"].append("Sizes are alike or few: no effect of size is sought.")
+    result["notes"].append(
+        "These are strengths of grains. In [fracture], `strength` is of facets: find by "
+        f'`mufe new crushing` which gives them, with modulus = {found.modulus:.3g} and scatter = "grain".'
+    )
+    draw_survival(folder / "survival.png", found)
+
+
+def _row(name, value, ends, unit):
+    return {"name": name, "value": float(value), "low": float(ends[0]), "high": float(ends[1]),
+            "unit": unit}  # fmt: skip
+
+
+def _as_csv(rows):
+    lines = [["name", "value", "low_95", "high_95", "unit"]]
+    for row in rows:
+        ends = [f"{row[key]:.6g}" if key in row else "" for key in ("low", "high")]
+        lines.append([row["name"], f"{row['value']:.6g}", *ends, row["unit"]])
+    return _text(lines)
+
+
+def _text(lines):
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows(lines)
+    return out.getvalue()
+
+
+def platen_of(text, number):
+    """Modulus [Pa] and Poisson's ratio of platens from "210 GPa,0.3"; None for "rigid".
+
+    Args:
+        text: The option.
+        number: Function (text, unit) that reads a number.
+
+    Raises:
+        InputError: It is neither.
+    """
+    if text == "rigid":
+        return None
+    modulus, comma, nu = text.partition(",")
+    if not comma:
+        raise InputError(f'--platen "{text}", expected "rigid" or modulus and ν: "210 GPa,0.3"')
+    nu = number(nu.strip(), "")
+    if not 0.0 <= nu < 0.5:
+        raise InputError(f"--platen ν = {nu:g}, expected 0 <= ν < 0.5")
+    return number(modulus.strip(), "Pa"), nu

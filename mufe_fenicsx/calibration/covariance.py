@@ -1,0 +1,50 @@
+"""How well least squares determine their unknowns.
+
+Covariances follow from the residuals: by curves where there are enough, so that grains may differ
+from each other, else by points, widened where neighbours in a curve stray together.
+
+Sources: G. A. F. Seber, C. J. Wild, Nonlinear Regression, 1989, chapter 5; by curves: K.-Y. Liang,
+S. L. Zeger, Biometrika 73, 1986, 13-22.
+"""
+
+import numpy as np
+
+#: From so many curves on covariances are those of curves.
+BY_CURVES = 8
+
+
+def covariance_of(jacobian, residual, sizes, free):
+    """Covariance of the unknowns, degrees of freedom, and how neighbours stray together.
+
+    Args:
+        jacobian: Slopes of the residuals, shape (num_rows, num_unknowns).
+        residual: Shape (num_rows,).
+        sizes: Rows of each curve, one curve after the other.
+        free: Which unknowns are sought and not held by a bound, shape (num_unknowns,).
+
+    Returns:
+        Covariance, 0 where not free, shape (num_unknowns, num_unknowns); degrees of freedom of
+        intervals; correlation of neighbours among the residuals of a curve.
+    """
+    inverse = np.zeros((free.size, free.size))
+    norm = np.linalg.norm(jacobian, axis=0)
+    scale = np.maximum(norm, 1e-12 * norm.max())[free]
+    A = jacobian[:, free] / scale
+    inverse[np.ix_(free, free)] = np.linalg.pinv(A.T @ A, rcond=1e-14) / np.outer(scale, scale)
+    rows = np.split(np.arange(residual.size), np.cumsum(sizes)[:-1])
+    straying = _straying(residual, rows)
+    spare = residual.size - int(free.sum())
+    if len(rows) >= BY_CURVES:
+        scores = np.array([jacobian[own].T @ residual[own] for own in rows])
+        many = len(rows) / (len(rows) - 1) * (residual.size - 1) / spare
+        return inverse @ (scores.T @ scores * many) @ inverse, len(rows) - 1, straying
+    # Neighbours that stray together are worth fewer points, as of an autoregression.
+    worth = (1 - min(max(straying, 0.0), 0.9)) / (1 + min(max(straying, 0.0), 0.9))
+    variance = float(residual @ residual) / spare
+    return inverse * variance / worth, max(int(spare * worth), 1), straying
+
+
+def _straying(residual, rows):
+    pairs = [(residual[own][:-1], residual[own][1:]) for own in rows]
+    square = sum(float(a @ a + b @ b) for a, b in pairs)
+    return 2 * sum(float(a @ b) for a, b in pairs) / square if square else 0.0

@@ -1,0 +1,116 @@
+"""`mufe calibrate`: material parameters from tests of single grains.
+
+What the command needs is imported where it runs, so that `mufe --help` is quick.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import InputError
+from ..units import to_si, with_unit
+from .app import Json, Overwrite, app, serial_only
+from .arguments import lengths, number_or_text
+from .terminal import Printer, progress_bar
+
+
+@app.command()
+def calibrate(
+    data: Annotated[
+        list[Path],
+        typer.Argument(metavar="DATA...", help="CSV files: columns by name, [unit] behind each."),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")
+    ] = Path("calibration"),
+    diameter: Annotated[
+        str | None,
+        typer.Option(
+            metavar="D", help='Of grains without a column of it, "0.8 mm", or length,width,height.'
+        ),
+    ] = None,
+    test: Annotated[
+        str,
+        typer.Option(help="platens: a grain between two; grains: two alike; platen: on one."),
+    ] = "platens",
+    platen: Annotated[
+        str, typer.Option(metavar="E,NU", help='Of platens; "rigid" for none. Default: steel.')
+    ] = "210 GPa,0.3",
+    nu: Annotated[float, typer.Option(help="Poisson's ratio of the grains.")] = 0.2,
+    density: Annotated[
+        str, typer.Option(metavar="RHO", help="Of the grains, for the [material] block.")
+    ] = "2650 kg/m^3",
+    modulus: Annotated[
+        str | None, typer.Option(metavar="E", help="Young's modulus, where it is known.")
+    ] = None,
+    compliance: Annotated[
+        str,
+        typer.Option(
+            metavar="C", help='Of the machine, as "0.05 um/N"; or sought: common or each curve\'s.'
+        ),
+    ] = "common",
+    offset: Annotated[
+        str | None,
+        typer.Option(metavar="X", help="Displacement at touch, where it is known; else sought."),
+    ] = None,
+    overwrite: Overwrite = False,
+    json: Json = None,
+):
+    """Material parameters, friction and strength from tests of single grains."""
+    serial_only("calibrate")
+    printer = Printer(json)
+    from ..calibration.calibrate import Options, platen_of
+    from ..calibration.calibrate import calibrate as run
+    from ..calibration.fit import Given
+    from ..calibration.model import TESTS, Setup
+
+    if test not in TESTS:
+        raise InputError(f'--test "{test}", expected one of {", ".join(TESTS)}')
+    if not 0.0 <= nu < 0.5:
+        raise InputError(f"--nu {nu:g}, expected 0 <= nu < 0.5")
+    sought = compliance in ("common", "each")
+    given = Given(
+        _positive("--modulus", modulus, "Pa"),
+        None if offset is None else to_si(number_or_text(offset), "m", "--offset"),
+        compliance if sought else to_si(number_or_text(compliance), "m/N", "--compliance"),
+    )
+    setup = Setup(nu, test, platen_of(platen, lambda x, u: to_si(number_or_text(x), u, "--platen")))
+    options = Options(setup, given, _positive("--density", density, "kg/m^3"), _size(diameter))
+    with progress_bar("calibrating") as progress:
+        result = run(data, options, output, overwrite, progress)
+    _print(printer, result)
+    printer.write_json(result)
+
+
+def _print(printer, result):
+    rows = []
+    for row in result["parameters"]:
+        ends = [row.get(key) for key in ("low", "high")]
+        rows.append([row["name"], with_unit(row["value"], row["unit"]),
+                     *("" if e is None else with_unit(e, row["unit"]) for e in ends)])  # fmt: skip
+    printer.table(["parameter", ">value", ">95 %, from", ">to"], rows)
+    printer.say(*result["notes"])
+    if result["material"]:
+        printer.say("", result["material"])
+    printer.say(f"tables and figures: {result['output']}")
+
+
+def _positive(name, text, unit):
+    value = None if text is None else to_si(number_or_text(text), unit, name)
+    if value is not None and value <= 0.0:
+        raise InputError(f"{name} {text}, expected more than 0")
+    return value
+
+
+def _size(text):
+    """Of a text "0.8 mm" or "1 mm,0.8 mm,0.7 mm"; None where it is left out."""
+    from ..calibration.data import Size
+
+    if text is None:
+        return None
+    found = lengths(text)
+    edges = [to_si(edge, "m", "--diameter") for edge in (found if isinstance(found, list) else [found])]
+    if len(edges) not in (1, 3) or min(edges) <= 0.0:
+        raise InputError(f'--diameter "{text}", expected one length > 0 or length,width,height')
+    return Size(*(edges * 3 if len(edges) == 1 else edges))

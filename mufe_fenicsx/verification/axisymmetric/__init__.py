@@ -1,0 +1,1 @@
+"""A reference of its own: axisymmetric finite elements with contact."""
