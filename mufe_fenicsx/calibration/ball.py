@@ -16,7 +16,7 @@ Contacts that are smaller than those of the table are alike: all lengths of the 
 
 import csv
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -51,9 +51,8 @@ class BallTable:
         Returns:
             Approaches over R, φ and strains, each of shape (num_points,).
         """
-        first, last = self.delta[[0, -1]]
-        small = np.geomspace(SMALLEST, first, int(DENSITY * np.log10(first / SMALLEST)))[:-1]
-        scale = np.sqrt(first / small)
+        small, known, delta = self._approaches
+        scale = np.sqrt(self.delta[0] / small)
         ratio = np.concatenate([
             self._at(self.log_ratio[:, :1], nu, Y * scale, k / scale)[0],
             self._at(self.log_ratio, nu, np.array([Y]), np.array([k]))[:, 0],
@@ -62,11 +61,17 @@ class BallTable:
             np.full(small.size, np.log(1e-6)),
             self._at(self.log_strain, nu, np.array([Y]), np.array([k]))[:, 0],
         ])  # fmt: skip
-        known = np.concatenate([small, self.delta])
-        delta = np.geomspace(SMALLEST, last, 4 * DENSITY * int(np.log10(last / SMALLEST)))
         log = np.log(delta)
-        phi = np.exp(CubicSpline(np.log(known), ratio)(log))
-        return delta, phi, np.maximum(np.exp(np.interp(log, np.log(known), strain)) - 1e-6, 0.0)
+        phi = np.exp(CubicSpline(known, ratio)(log))
+        return delta, phi, np.maximum(np.exp(np.interp(log, known, strain)) - 1e-6, 0.0)
+
+    @cached_property
+    def _approaches(self):
+        """Those below the table, logarithms of these and the table's, and those of a course."""
+        first, last = self.delta[[0, -1]]
+        small = np.geomspace(SMALLEST, first, int(DENSITY * np.log10(first / SMALLEST)))[:-1]
+        delta = np.geomspace(SMALLEST, last, 4 * DENSITY * int(np.log10(last / SMALLEST)))
+        return small, np.log(np.concatenate([small, self.delta])), delta
 
     def _at(self, values, nu, Y, k):
         """Values of shape (num_nu, n, …) at ν and at points (Y, k), shape (n, num_points)."""
@@ -77,7 +82,7 @@ class BallTable:
         across_Y, across_k = self._bases
         return np.einsum("dyk,py,pk->dp", plane, across_Y(y), across_k(t))
 
-    @property
+    @cached_property
     def _bases(self):
         return _splines(tuple(self.yields), tuple(self.hardening))
 

@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..machine.files import new_folder, write_atomically
 from ..units import with_unit
 from . import sentences
-from .data import read_data
+from .data import read_data, within_table
 from .figures import draw_curves, draw_friction, draw_survival
 from .fit import Given, fit_curves
 from .friction import fit_friction
@@ -50,6 +50,8 @@ def calibrate(paths, options, output, overwrite=False, progress=None):
         InputError: As of :func:`~.data.read_data`; or the folder is there.
     """
     data = read_data(paths, options.size)
+    if data.curves:
+        data = within_table(data, options.setup)
     result = {"parameters": [], "notes": [f"{note}." for note in data.notes], "material": ""}
     with new_folder(output, overwrite=overwrite, marker=TABLE) as folder:
         if data.curves:
@@ -60,8 +62,7 @@ def calibrate(paths, options, output, overwrite=False, progress=None):
             _crushed(folder, data, result)
         write_atomically(folder / TABLE, _as_csv(result["parameters"]))
         if result["material"]:
-            text = "".join(f"# {note}\n" for note in result["notes"]) + result["material"]
-            write_atomically(folder / "material.toml", text)
+            write_atomically(folder / "material.toml", result["material"])
     return result | {"output": Path(output)}
 
 
@@ -83,8 +84,10 @@ def _pressed(folder, data, options, result, progress):
             rows.append(_row(name, fit.value(name), fit.interval(name), unit))
     rows.append({"name": "scatter of force", "value": fit.scatter, "unit": ""})
     result["correlation"] = {"names": fit.names, "matrix": fit.correlation}
-    result["notes"] += sentences.limits_of(fit, options.given.E)
-    result["material"] = sentences.material_block(fit, options.setup.nu, options.density)
+    said = sentences.limits_of(fit, options.given.E)
+    result["notes"] += said
+    block = sentences.material_block(fit, options.setup.nu, options.density)
+    result["material"] = "".join(f"# {each}\n" for each in said) + block
     offsets = [
         fit.value(f"offset {c.name}") if options.given.offset is None else options.given.offset
         for c in data.curves
@@ -101,7 +104,9 @@ def _rubbed(folder, data, result):
     for curve, stiffness in zip(data.rubbed, found.stiffness, strict=True):
         name = f"tangential stiffness {curve.name}"
         result["parameters"].append({"name": name, "value": stiffness, "unit": "N/m"})
-    if not found.sliding:
+    if found.sliding:
+        result["material"] += f"\n[contact]\nfriction = {found.mu:.3g}\n"
+    else:
         least = max(float(np.max(c.force / c.normal)) for c in data.rubbed)
         result["notes"].append(f"No curve comes to slide: friction is at least {least:.2g}.")
     draw_friction(folder / "friction.png", data.rubbed, found)

@@ -12,7 +12,8 @@ A column ``curve`` names the curve of each row; other columns are left aside.
 """
 
 import difflib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,8 @@ KINDS = {
     "pressed": ("displacement", "force"),
     "crushed": ("force",),
 }
+#: Part of the largest force from which on a grain counts as touched.
+TOUCHED = 0.02
 #: Rows that a curve has to have, and grains that a table of strengths has to have.
 LEAST, LEAST_GRAINS = 5, 5
 #: Names count as misspelled from this ratio of :mod:`difflib` on.
@@ -57,7 +60,7 @@ class Size:
     width: float
     height: float
 
-    @property
+    @cached_property
     def radius(self):
         """Radius of the ball that by Hertz bears as much at the same approach [m].
 
@@ -142,6 +145,37 @@ def read_data(paths, size=None):
     return Data(found.curves, found.rubbed, np.array(forces), np.array(diameters), found.notes)
 
 
+def within_table(data, setup):
+    """The data without rows beyond the largest displacement that the model knows.
+
+    Args:
+        data: :class:`Data`; its notes say what is left out.
+        setup: :class:`~.model.Setup`.
+
+    Raises:
+        InputError: Too few rows of a curve are left.
+    """
+    curves = []
+    for curve in data.curves:
+        touched = curve.displacement[curve.force > TOUCHED * curve.force.max()].min()
+        most = touched + setup.longest * curve.size.radius
+        keep = curve.displacement <= most
+        if keep.all():
+            curves.append(curve)
+            continue
+        if keep.sum() < LEAST:
+            raise InputError(
+                f"curve {curve.name} has {keep.sum()} points up to the displacement {most:.3g} m, "
+                f"{setup.longest:g} radii, expected at least {LEAST}: beyond it no ball is known"
+            )
+        data.notes.append(
+            f"{curve.name}: {(~keep).sum()} rows beyond {setup.longest:g} radii, left out"
+        )
+        curves.append(replace(curve, displacement=curve.displacement[keep],
+                              force=curve.force[keep]))  # fmt: skip
+    return replace(data, curves=curves)
+
+
 def _columns(path):
     """The table, its kind, and its columns of numbers in SI units by name."""
     table = read_table(path)
@@ -158,9 +192,7 @@ def _columns(path):
     known = [*UNITS, "curve"]
     for name in names:  # a slip of the keyboard makes no table of another kind
         if name not in known and difflib.get_close_matches(name, known, 1, SIMILAR):
-            raise InputError(
-                f"{where}: column {shown(name)}, expected {nearest_name(name, known)}"
-            )
+            raise InputError(f"{where}: column {shown(name)}, expected {nearest_name(name, known)}")
     if kind is None:
         odd = next((name for name in names if name not in known), names[0])
         raise InputError(

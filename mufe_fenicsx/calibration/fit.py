@@ -23,10 +23,8 @@ FLOOR = 0.05
 HARDENING = (0.02, 4000.0)
 #: Starting values of Y/E and H/Y.
 STARTS = tuple((y, k) for y in (2e-4, 2e-3, 1e-2, 4e-2) for k in (2.0, 40.0, 400.0))
-#: Half-width of an interval in logarithms from which on a value counts as not determined.
-WIDE = math.log(2.0)
-#: Correlation from which on two values cannot be told apart.
-ALIKE = 0.97
+#: Evaluations that each start has, and how many of the best go on.
+FEW, FURTHER = 5, 3
 
 
 @dataclass(frozen=True)
@@ -155,7 +153,9 @@ class Problem:
             for _ in range(6):  # the larger E, the larger all stresses
                 course = self.setup.course(E, y * E, k * y * E)
                 found = [forces(c, self.setup, course, 0.0, 0.0)[0].max() for c in self.curves]
-                ratio = np.median([c.force.max() / f for c, f in zip(self.curves, found, strict=True)])
+                ratio = np.median(
+                    [c.force.max() / f for c, f in zip(self.curves, found, strict=True)]
+                )
                 E = float(np.clip(E * ratio, 1e6, 1e13))
         material = [math.log(E), math.log(y * E), math.log(k)]
         x = np.zeros(len(self.names))
@@ -200,13 +200,13 @@ def fit_curves(curves, setup, given=None, progress=None):
         )
     tell = progress or (lambda *_: None)
     low, high = problem.bounds()
-    best = None
+    tried = []
     for i, (y, k) in enumerate(STARTS):
         tell(i, len(STARTS) + 1, "starts")
-        x = np.clip(problem.start(y, k), low + 1e-6, high - 1e-6)
-        found = _solve(problem, x, (low, high), 20)
-        if best is None or found.cost < best.cost:
-            best = found
+        tried.append(_solve(problem, problem.start(y, k), (low, high), FEW))
+    tried.sort(key=lambda found: found.cost)
+    best = min((_solve(problem, each.x, (low, high), 10 * FEW) for each in tried[:FURTHER]),
+               key=lambda found: found.cost)  # fmt: skip
     # Scatter is that of the forces of the model, not of the measured ones.
     tell(len(STARTS), len(STARTS) + 1, "the best of them")
     for _ in range(2):

@@ -54,6 +54,11 @@ class Setup:
         delta, ratio, strain = ball.load().course(self.nu, Y / modulus, H / Y)
         return delta, 4 / 3 * modulus * delta**1.5 * ratio, strain
 
+    @property
+    def longest(self):
+        """Largest displacement over the radius that the table of the ball knows."""
+        return self.contacts * float(ball.load().delta[-1])
+
 
 def forces(curve, setup, course, offset, compliance):
     """Force at each displacement of a curve [N], and its slopes.
@@ -70,8 +75,12 @@ def forces(curve, setup, course, offset, compliance):
         [N²/m], the same shape.
     """
     R = curve.size.radius
-    F = np.concatenate([[0.0], course[1] * R**2])
-    D = np.concatenate([[0.0], setup.contacts * R * course[0]]) + compliance * F
+    delta, stress = course[:2]
+    # Beyond the table a straight line: offsets and compliances that are tried may ask for it.
+    far = 2.0 * delta[-1]
+    beyond = stress[-1] + (stress[-1] - stress[-2]) / (delta[-1] - delta[-2]) * (far - delta[-1])
+    F = np.concatenate([[0.0], stress, [beyond]]) * R**2
+    D = np.concatenate([[0.0], delta, [far]]) * setup.contacts * R + compliance * F
     x = curve.displacement - offset
     force = np.interp(x, D, F)
     place = np.clip(np.searchsorted(D, x), 1, D.size - 1)

@@ -92,7 +92,8 @@ def _print(printer, result):
     printer.table(["parameter", ">value", ">95 %, from", ">to"], rows)
     printer.say(*result["notes"])
     if result["material"]:
-        printer.say("", result["material"])
+        lines = result["material"].splitlines()
+        printer.say("", *(line for line in lines if not line.startswith("#")), "")
     printer.say(f"tables and figures: {result['output']}")
 
 
@@ -110,7 +111,9 @@ def _size(text):
     if text is None:
         return None
     found = lengths(text)
-    edges = [to_si(edge, "m", "--diameter") for edge in (found if isinstance(found, list) else [found])]
+    edges = [
+        to_si(edge, "m", "--diameter") for edge in (found if isinstance(found, list) else [found])
+    ]
     if len(edges) not in (1, 3) or min(edges) <= 0.0:
         raise InputError(f'--diameter "{text}", expected one length > 0 or length,width,height')
     return Size(*(edges * 3 if len(edges) == 1 else edges))

@@ -13,6 +13,7 @@ from .ball_crushing import ball_crushing
 from .bar_impact import bar_impact
 from .bar_in_tension import bar_in_tension
 from .brazilian_disc import brazilian_disc
+from .calibrate import calibrate
 from .case import by_name
 from .cohesive_facet import cohesive_facet
 from .column import column
@@ -105,6 +106,7 @@ CASES = (
         material_point,
         plastic_sphere,
         paper_sphere,
+        calibrate,
         strain_cycle,
         crush,
         cohesive_facet,

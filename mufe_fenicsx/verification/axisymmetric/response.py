@@ -21,11 +21,11 @@ from ...materials.j2 import J2
 from .solver import Ball
 
 #: Yield stress over E*, and slope of hardening over the yield stress.
-YIELD = 10.0 ** (-4.5 + np.arange(11) / 3)
+YIELD = 10.0 ** (-4.5 + np.arange(1, 11) / 3)
 HARDENING = (0.0, 4.0, 12.0, 40.0, 120.0, 400.0, 1200.0, 4000.0)
 NU = (0.15, 0.35)
 #: Largest approaches over R, each with a mesh of its own.
-LARGEST = (0.04, 0.0025)
+LARGEST = (0.01, 0.04, 0.0025)
 #: Edges per contact radius at the end, how much shorter they are on the surface, steps.
 ELEMENTS, SURFACE, STEPS = 8, 4, 16
 #: The first step that is kept: an eighth of the edges.
@@ -65,7 +65,9 @@ def main():
     made = set()
     if path.exists():
         with open(path, encoding="utf-8", newline="") as file:
-            made = {tuple(map(float, row[:4])) for row in itertools.islice(csv.reader(file), 1, None)}
+            made = {
+                tuple(map(float, row[:4])) for row in itertools.islice(csv.reader(file), 1, None)
+            }
     else:
         path.write_text("nu,yield,hardening,largest,approach,ratio,strain\n", encoding="utf-8")
     for nu, largest, Y, k in itertools.product(NU, LARGEST, YIELD, HARDENING):

@@ -1,0 +1,140 @@
+"""Parameters that were put into curves of pressed grains come back from `mufe calibrate`."""
+
+import math
+
+import numpy as np
+
+from ..calibration import sentences
+from ..calibration.data import Curve, Size
+from ..calibration.fit import Given, fit_curves
+from ..calibration.model import Setup, forces
+from ..materials.j2 import J2
+from .axisymmetric.platen import BallOnPlaten
+from .case import at_least, case, compare
+from .paper_sphere import HARDENING, NU, UNTIL, force_curve
+from .paper_sphere import E as PAPER_E
+from .plastic_ball import RADIUS
+
+#: Glass that yields and hardens, between platens of steel.
+E, GLASS_NU, YIELD, SLOPE = 70e9, 0.2, 1.0e9, 10e9
+STEEL = (210e9, 0.3)
+#: Of the machine [m/N]; diameters [m]; displacement at the end over the diameter.
+COMPLIANCE, SMALLEST, LARGEST, DEPTH = 5e-8, 0.6e-3, 1.2e-3, 0.035
+#: Largest offsets over the displacement at the end, and points of a curve.
+OFFSET, POINTS = 0.05, 40
+#: What has to come back.
+MODULUS, STRESS, PAPER = 0.03, 0.10, 0.05
+#: Of 20 intervals of 95 % this many hold the true value, with a probability of 0.92.
+HIT = 0.9
+
+
+@case("calibrate", num_bodies=1)
+def calibrate(comm, curves=20, noise=0.03, sets=20, elements=12, elements_per_radius=3.0):
+    """Curves with noise, offsets and a soft machine give back modulus, yield stress and hardening.
+
+    The first rows are of curves by the model of the fit itself; those of "other model" are by
+    axisymmetric elements on a finer mesh, with platens as bodies. The last are of the paper's ball
+    in three dimensions (figure 8, as `paper-sphere` makes it), whose modulus is given.
+
+    Args:
+        comm: MPI communicator.
+        curves: Number of grains that are pressed.
+        noise: Standard deviation of forces, over these.
+        sets: Times that this is done, for the intervals.
+        elements: Edges per contact radius of the finer mesh.
+        elements_per_radius: Of the paper's ball.
+    """
+    setup = Setup(GLASS_NU, "platens", STEEL)
+    true = {"E": E, "yield": YIELD, "hardening": SLOPE}
+    course = setup.course(*true.values())
+    results, hits = {}, np.zeros(3)
+    for seed in range(sets):
+        fit = fit_curves(made_curves(course, setup, curves, noise, seed), setup)
+        if seed == 0:
+            results |= _errors(fit, "")
+        hits += [low < true[name] < high for name in true for low, high in [fit.interval(name)]]
+    for name, count in zip(true, hits, strict=True):
+        results[f"sets of {sets} with the true {name} in its interval"] = at_least(
+            count, math.floor(HIT * sets)
+        )
+    fit = fit_curves(made_curves(other_course(elements), setup, curves, noise, 1), setup)
+    results |= _errors(fit, "other model: ")
+    course = force_curve(comm, 10e6, elements_per_radius, 0.004, increments=40)
+    results |= _paper(course, elements_per_radius)
+    return results, [course.simulation]
+
+
+def made_curves(course, setup, number, noise, seed):
+    """Curves of balls of different sizes with offsets, a soft machine and noise. Local.
+
+    Args:
+        course: Approach over radius and force over its square [Pa], as by
+            :meth:`~mufe_fenicsx.calibration.model.Setup.course`.
+        setup: Of the test.
+        number: Of curves.
+        noise: Standard deviation of forces, over these.
+        seed: Of random numbers.
+    """
+    rng = np.random.default_rng(seed)
+    found = []
+    for i in range(number):
+        d = rng.uniform(SMALLEST, LARGEST)
+        way = rng.uniform(0.7, 1.0) * DEPTH * d
+        x = np.linspace(0.0, way, POINTS + 1)[1:]
+        curve = Curve(f"{i + 1}", x, np.zeros_like(x), Size(d, d, d))
+        offset = rng.uniform(-1.0, 1.0) * OFFSET * way
+        force = forces(curve, setup, course, offset, COMPLIANCE)[0]
+        force = force * (1 + noise * rng.standard_normal(x.size))
+        found.append(Curve(curve.name, x, force, curve.size))
+    return found
+
+
+def other_course(elements):
+    """The same material by axisymmetric elements, a ball on a platen that is a body.
+
+    Radial return is of the first order in steps: twice the forces of many less those of half.
+    """
+    material = J2(E, GLASS_NU, 2500.0, ((0.0, YIELD), (1.0, YIELD + SLOPE)))
+    modulus = STEEL[0] / (1 - STEEL[1] ** 2) / E
+    most, steps, found = 1.05 * DEPTH, 24, []
+    for n in (steps, steps // 2):
+        ball = BallOnPlaten(material, 1.4 * math.sqrt(most), elements, 3, "smooth", modulus=modulus)
+        states = [ball.press(most * (k / n) ** 2) for k in range(1, n + 1)]
+        found.append(np.array([(s.delta, s.force * E) for s in states]))
+    many, few = found[0][1::2], found[1]
+    delta, stress = many[:, 0], 2 * many[:, 1] - few[:, 1]
+    # Between steps force goes with a power of the approach, before the first with that of Hertz.
+    fine = np.geomspace(1e-8, delta[-1], 2000)
+    ratio = np.interp(np.log(fine), np.log(delta), np.log(stress / delta**1.5))
+    return fine, np.exp(ratio) * fine**1.5
+
+
+def _errors(fit, name):
+    strain, stress, _ = sentences.end_of_table(fit)
+    return {
+        f"{name}Young's modulus [Pa]": compare(fit.value("E"), E, MODULUS),
+        f"{name}yield stress [Pa]": compare(fit.value("yield"), YIELD, STRESS),
+        f"{name}yield stress at strain {strain:g} [Pa]": compare(
+            stress, YIELD + SLOPE * strain, STRESS
+        ),
+    }
+
+
+def _paper(course, n):
+    """Yield stress at strains 0 and 0.05 of the paper's ball, from its force."""
+    first = course.force > 0
+    half = Size(2 * RADIUS, 2 * RADIUS, 2 * RADIUS)
+    # Forces rise in steps as the contact takes in element by element: means over one of them.
+    parts = np.linspace(0.15, 1.0, 30)
+    way = course.approach[-1] / (1 + 0.5 / n) ** 2
+    windows = [course.window(n * math.sqrt(part), part * way) for part in parts]
+    x = np.array([w.mean() for w in windows])
+    force = np.array([np.interp(w, course.approach[first], course.force[first]).mean()
+                      for w in windows])  # fmt: skip
+    fit = fit_curves([Curve("paper", x, force, half)], Setup(NU, "platen"),
+                     Given(E=PAPER_E, offset=0.0, compliance=0.0))  # fmt: skip
+    Y, H = fit.value("yield"), fit.value("hardening")
+    return {
+        "paper: yield stress [Pa]": compare(Y, 10e6, PAPER),
+        "paper: yield stress at strain 0.05 [Pa]": compare(Y + UNTIL * H, 10e6 + HARDENING, PAPER),
+    }

@@ -1,0 +1,61 @@
+"""The table of a ball between platens against other solutions."""
+
+import numpy as np
+import pytest
+
+from mufe_fenicsx.calibration import ball
+from mufe_fenicsx.theory import finite_sphere, hertz
+from mufe_fenicsx.verification import reference
+
+#: Of the table: its mesh has 8 edges on the radius of the contact, and its points are few.
+ERROR = 0.02
+
+
+def force_over_ER2(nu, Y_over_E, H_over_Y, delta):
+    """From the table, at approaches over R."""
+    x, ratio, _ = ball.load().course(nu, Y_over_E * (1 - nu**2), H_over_Y)
+    return 4 / 3 / (1 - nu**2) * delta**1.5 * np.interp(delta, x, ratio)
+
+
+@pytest.mark.parametrize("nu", [0.15, 0.3])
+def test_a_ball_that_does_not_yield_is_that_of_the_series(nu):
+    """But for large strain, 0.6 % at the largest approach."""
+    for a in (0.02, 0.08, 0.16):
+        delta, force, _ = finite_sphere.compression(a, nu)
+        found = force_over_ER2(nu, 1.0, 0.0, np.array(delta)) * (1 - nu**2)
+        assert found == pytest.approx(force, rel=0.015)
+
+
+def test_small_contacts_are_those_of_hertz():
+    """Exact as the approach goes to 0: similarity leaves what the smallest ball has, 1 %."""
+    delta = np.array([1e-7, 1e-6])
+    found = force_over_ER2(0.15, 1.0, 0.0, delta)
+    theory = hertz.hertz_force(delta, 1.0, 1 / (1 - 0.15**2))
+    assert found == pytest.approx(theory, rel=0.015)
+
+
+@pytest.mark.parametrize(
+    ("name", "nu", "Y_over_E", "H_over_Y"),
+    [
+        (reference.perfect_name(100, 0.15), 0.15, 1e-2, 0.0),
+        (reference.perfect_name(1000, 0.3), 0.3, 1e-3, 0.0),
+        (reference.paper_name(10e6), 0.15, 1e-4, 200.0),
+        (reference.paper_name(40e6), 0.15, 4e-4, 50.0),
+    ],
+)
+def test_balls_that_yield_are_those_of_the_reference(name, nu, Y_over_E, H_over_Y):
+    """Its mesh is twice as fine, its base glued, and its strains at other points of the grid."""
+    stored = reference.load()[name]
+    found = force_over_ER2(nu, Y_over_E, H_over_Y, stored["delta"])
+    assert found == pytest.approx(stored["force"], rel=ERROR)
+
+
+def test_hardening_and_yield_raise_the_force():
+    """No spline between the points turns that round."""
+    table = ball.load()
+    grid = np.geomspace(5e-5, 0.05, 25)
+    forces = np.array([table.course(0.2, Y, 50.0)[1] for Y in grid])
+    # Below the onset all are one elastic ball, to the table's error.
+    assert (np.diff(forces, axis=0) > -0.005).all()
+    forces = np.array([table.course(0.2, 1e-3, k)[1] for k in np.geomspace(1.0, 3000.0, 25)])
+    assert (np.diff(forces, axis=0) > -0.005).all()

@@ -1,0 +1,118 @@
+"""`mufe calibrate` on tables: what it writes, and what it refuses in one line."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from mufe_fenicsx.calibration.calibrate import Options, calibrate
+from mufe_fenicsx.calibration.data import Size, read_data
+from mufe_fenicsx.calibration.fit import Given
+from mufe_fenicsx.calibration.friction import mindlin_force
+from mufe_fenicsx.calibration.model import Setup
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.units import to_si
+from mufe_fenicsx.verification.calibrate import GLASS_NU, STEEL, YIELD, E, made_curves
+from tests.doors import mufe as run_mufe
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork")
+SETUP = Setup(GLASS_NU, "platens", STEEL)
+#: Rows of a curve that rises.
+RISING = "".join(f"{x}, {x**1.5:.4f}\n" for x in range(1, 11))
+BALL = Size(1e-3, 1e-3, 1e-3)
+
+
+def write_tables(folder):
+    """Curves, contacts that are sheared, and strengths; their paths."""
+    rng = np.random.default_rng(0)
+    lines = ["displacement [um], force [mN], diameter [mm], time [s], curve\n"]
+    for curve in made_curves(SETUP.course(E, YIELD, 10e9), SETUP, 3, 0.01, 0):
+        lines += [
+            f"{1e6 * x:.6g}, {1e3 * f:.6g}, {1e3 * curve.size.height:.6g}, 0, {curve.name}\n"
+            for x, f in zip(curve.displacement, curve.force, strict=True)
+        ]
+    (folder / "pressed.csv").write_text("".join(lines))
+    way = np.linspace(0, 3e-6, 30)
+    force = mindlin_force(way, 2e6, 0.25 * 4.0) + 0.01 * rng.standard_normal(30)
+    (folder / "rubbed.csv").write_text(
+        "tangential_displacement [um], tangential_force [N], normal_force [N]\n"
+        + "".join(f"{1e6 * x:.4f}, {q:.5f}, 4.0\n" for x, q in zip(way, force, strict=True))
+    )
+    strengths = 20.0 * rng.weibull(4.0, 25)
+    (folder / "crushed.csv").write_text(
+        "force [N], diameter [mm]\n" + "".join(f"{f:.4f}, 1.0\n" for f in strengths)
+    )
+    return [folder / f"{name}.csv" for name in ("pressed", "rubbed", "crushed")]
+
+
+def test_what_is_written(tmp_path):
+    """A block that scenes take, a table, a figure of each kind; friction beside the material."""
+    options = Options(SETUP, Given(), 2500.0)
+    result = calibrate(write_tables(tmp_path), options, tmp_path / "out")
+    block = tomllib.loads((tmp_path / "out" / "material.toml").read_text())
+    material = block["material"]
+    assert material.pop("model") == "j2"
+    table = tuple((strain, to_si(stress, "Pa", "")) for strain, stress in material["yield_stress"])
+    found = J2(to_si(material["E"], "Pa", ""), material["nu"], 2500.0, table)
+    assert found.E == pytest.approx(E, rel=0.1)  # three curves of 1 %, a soft machine
+    assert block["contact"]["friction"] == pytest.approx(0.25, abs=0.01)
+    names = [row["name"] for row in result["parameters"]]
+    assert "Weibull modulus" in names and "friction" in names
+    rows = (tmp_path / "out" / "parameters.csv").read_text().splitlines()
+    assert rows[0] == "name,value,low_95,high_95,unit" and len(rows) == len(names) + 1
+    for figure in ("curves", "friction", "survival"):
+        assert (tmp_path / "out" / f"{figure}.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("displacment [um], force [N]\n" + RISING, "displacment"),
+        ("displacement, force [N]\n" + RISING, "displacement has no unit"),
+        ("displacement [N], force [N]\n" + RISING, "displacement"),
+        ("displacement [um], force [N]\n1, 1\n", "1 points"),
+        ("displacement [um], force [N]\n" + RISING + "11, 20\n12, 12\n13, 9\n14, 8\n", "falls"),
+        ("displacement [um], force [N]\n1, a\n", "force"),
+        ("velocity [m/s], mass [kg]\n1, 2\n", "velocity"),
+        ("force [N]\n1\n", "1 grains"),
+        ("force [N]\n" + "1\n" * 4 + "-1\n", "> 0"),
+        ("displacement [um], force [N]\n" + "".join(f"{x}, 0\n" for x in range(9)), "force > 0"),
+        ("displacement [mm], force [N]\n" + RISING, "no ball is known"),
+        ("", "no line"),
+    ],
+)
+def test_tables_that_cannot_be_used(tmp_path, text, said):
+    path = tmp_path / "data.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=said) as found:
+        calibrate([path], Options(SETUP, Given(), 2500.0, BALL), tmp_path / "out")
+    assert "\n" not in str(found.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_table_without_sizes_and_a_command_without_them(tmp_path):
+    """One line, status 2, nothing left."""
+    path = tmp_path / "data.csv"
+    path.write_text("displacement [um], force [N]\n" + RISING)
+    with pytest.raises(InputError, match="--diameter"):
+        read_data([path])
+    for given, said in (
+        ([], "no size"),
+        (["--diameter", "-1 mm"], "--diameter"),
+        (["--diameter", "1 mm", "--platen", "steel"], "--platen"),
+        (["--diameter", "1 mm", "--test", "two"], "--test"),
+        (["--diameter", "1 mm", "--nu", "0.5"], "--nu"),
+        (["--diameter", "1 mm", "--compliance", "3 N"], "--compliance"),
+    ):
+        status, lines = run_mufe("calibrate", path, "-o", tmp_path / "out", *given)
+        assert status == 2 and len(lines) == 1 and said in lines[0], lines
+    assert not (tmp_path / "out").exists()
+
+
+def test_unloading_is_left_out_and_said(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_text("displacement [um], force [N]\n" + RISING + "9.5, 20\n9, 10\n")
+    data = read_data([path], BALL)
+    assert data.curves[0].force.size == 10
+    assert "2 rows after the largest displacement" in data.notes[0]

@@ -1,0 +1,103 @@
+"""What was put in comes back, with honest intervals and sentences."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import weibull_min
+
+from mufe_fenicsx.calibration import sentences
+from mufe_fenicsx.calibration.data import Rubbed, Size
+from mufe_fenicsx.calibration.fit import Given, fit_curves
+from mufe_fenicsx.calibration.friction import fit_friction, mindlin_force
+from mufe_fenicsx.calibration.model import Setup
+from mufe_fenicsx.calibration.weibull import fit_weibull
+from mufe_fenicsx.theory import mindlin
+from mufe_fenicsx.verification.calibrate import GLASS_NU, STEEL, YIELD, E, made_curves
+
+SETUP = Setup(GLASS_NU, "platens", STEEL)
+
+
+def test_parameters_come_back_from_curves_with_noise():
+    """Twenty curves of 3 %, offsets and a soft machine: the figures that the command promises."""
+    H = 10e9
+    curves = made_curves(SETUP.course(E, YIELD, H), SETUP, 20, 0.03, 5)
+    fit = fit_curves(curves, SETUP)
+    assert fit.value("E") == pytest.approx(E, rel=0.03)
+    assert fit.value("yield") == pytest.approx(YIELD, rel=0.10)
+    strain, stress, (low, high) = sentences.end_of_table(fit)
+    assert stress == pytest.approx(YIELD + H * strain, rel=0.10)
+    assert low < YIELD + H * strain < high
+    assert fit.scatter == pytest.approx(0.03, rel=0.2)  # 800 points; the floor takes some
+    assert abs(fit.straying) < 0.15  # of independent noise, 5/√800
+
+
+def test_elastic_curves_give_no_yield_stress():
+    """Small forces of hard grains: the yield stress has a least value only."""
+    curves = made_curves(SETUP.course(E, 50e9, 1e9), SETUP, 6, 0.02, 1)
+    fit = fit_curves(curves, SETUP)
+    assert not sentences.yielded(fit)
+    assert fit.value("E") == pytest.approx(E, rel=0.05)  # six curves of 2 %
+    (said,) = sentences.limits_of(fit, None)
+    assert "at least" in said
+    assert 'model = "elastic"' in sentences.material_block(fit, 0.2, 2500.0)
+
+
+def test_soft_grains_say_that_modulus_and_yield_hang_together():
+    """Where all flows the force hardly depends on the modulus."""
+    curves = made_curves(SETUP.course(100e9, 20e6, 1e9), SETUP, 6, 0.03, 1)
+    said = " ".join(sentences.limits_of(fit_curves(curves, SETUP), None))
+    assert "Young's modulus" in said
+    held = fit_curves(curves, SETUP, Given(E=100e9))
+    assert held.value("hardening") == pytest.approx(1e9, rel=0.05)
+
+
+def test_friction_and_stiffness_of_mindlin():
+    """The formula is that of theory; friction comes back within its interval."""
+    mu, P, a, S = 0.3, 2.0, 1e-5, 1e-10
+    Q = np.linspace(0.01, 0.99, 30) * mu * P
+    way = mindlin.displacement(Q, P, mu, a, S)
+    stiffness = mindlin.stick_stiffness(a, S)
+    assert mindlin_force(way, stiffness, mu * P) == pytest.approx(Q, rel=1e-9)  # round-off
+
+    rng = np.random.default_rng(3)
+    curves = []
+    for P in (1.0, 3.0, 9.0):
+        x = np.linspace(0.0, 6 * mu * P / stiffness, 50)
+        force = mindlin_force(x - 0.1 * x[-1], stiffness, mu * P)
+        force += 0.01 * P * rng.standard_normal(50)
+        curves.append(Rubbed(f"{P}", x, force, np.full(50, P)))
+    found = fit_friction(curves)
+    assert found.interval[0] < mu < found.interval[1] and found.sliding == 3
+    assert found.stiffness == pytest.approx(stiffness, rel=0.2)  # few points before it slides
+
+
+def test_weibull_is_that_of_scipy_and_its_intervals_hold():
+    """Maximum likelihood of equal sizes; forty samples of 25 hold m in 34 or more."""
+    rng = np.random.default_rng(1)
+    d, m, strength, hits = 1e-3, 3.5, 80e6, 0
+    for sample in range(40):
+        forces = strength * rng.weibull(m, 25) * d**2 / 0.9
+        found = fit_weibull(forces, np.full(25, d))
+        hits += found.modulus_interval[0] < m < found.modulus_interval[1]
+        if sample == 0:
+            shape, _, scale = weibull_min.fit(0.9 * forces / d**2, floc=0)
+            assert found.modulus == pytest.approx(shape, rel=1e-4)  # both stop there
+            assert found.strength == pytest.approx(scale, rel=1e-4)
+    assert hits >= 34  # of 38 expected, three standard deviations less
+
+
+def test_size_effect_of_flaws_in_the_volume():
+    rng = np.random.default_rng(2)
+    d = rng.uniform(0.4e-3, 1.6e-3, 60)
+    stress = 80e6 * (d / 1e-3) ** (-3 / 3.5) * rng.weibull(3.5, 60)
+    found = fit_weibull(stress * d**2 / 0.9, d)
+    assert found.exponent_interval[0] < 3 / 3.5 < found.exponent_interval[1]
+
+
+def test_an_ellipsoid_has_the_radius_of_its_curvature():
+    """R = w²/2h of two like axes; of others nearly the root of both."""
+    assert Size(0.8, 0.8, 0.5).radius == pytest.approx(0.4**2 / 0.25, rel=1e-6)
+    both = Size(1.0, 0.8, 0.6)
+    mean = math.sqrt(1.0**2 / 1.2 * 0.8**2 / 1.2)
+    assert both.radius == pytest.approx(mean, rel=0.02)  # Johnson 1985, section 4.3
