@@ -133,7 +133,8 @@ def _crushed(folder, data, result):
         result["notes"].append("Sizes are alike or few: no effect of size is sought.")
     result["notes"].append(
         "These are strengths of grains. In [fracture], `strength` is of facets: find by "
-        f'`mufe new crushing` which gives them, with modulus = {found.modulus:.3g} and scatter = "grain".'
+        f"`mufe new crushing` which gives them, with modulus = {found.modulus:.3g} and "
+        'scatter = "grain".'
     )
     draw_survival(folder / "survival.png", found)
 

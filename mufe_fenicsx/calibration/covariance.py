@@ -4,7 +4,8 @@ Covariances follow from the residuals: by curves where there are enough, so that
 from each other, else by points, widened where neighbours in a curve stray together.
 
 Sources: G. A. F. Seber, C. J. Wild, Nonlinear Regression, 1989, chapter 5; by curves: K.-Y. Liang,
-S. L. Zeger, Biometrika 73, 1986, 13-22.
+S. L. Zeger, Biometrika 73, 1986, 13-22, with the jackknife of R. M. Bell, D. F. McCaffrey, Survey
+Methodology 28, 2002, 169-181.
 """
 
 import numpy as np
@@ -35,9 +36,15 @@ def covariance_of(jacobian, residual, sizes, free):
     straying = _straying(residual, rows)
     spare = residual.size - int(free.sum())
     if len(rows) >= BY_CURVES:
-        scores = np.array([jacobian[own].T @ residual[own] for own in rows])
-        many = len(rows) / (len(rows) - 1) * (residual.size - 1) / spare
-        return inverse @ (scores.T @ scores * many) @ inverse, len(rows) - 1, straying
+        # Each curve draws the fit to itself: its residuals are those of a fit without it.
+        identity = np.eye(free.size)
+        scores = []
+        for own in rows:
+            drawn = jacobian[own].T @ jacobian[own] @ inverse
+            score = jacobian[own].T @ residual[own]
+            scores.append(np.linalg.lstsq(identity - drawn, score, rcond=1e-8)[0])
+        meat = np.transpose(scores) @ scores * (len(rows) - 1) / len(rows)
+        return inverse @ meat @ inverse, len(rows) - 1, straying
     # Neighbours that stray together are worth fewer points, as of an autoregression.
     worth = (1 - min(max(straying, 0.0), 0.9)) / (1 + min(max(straying, 0.0), 0.9))
     variance = float(residual @ residual) / spare

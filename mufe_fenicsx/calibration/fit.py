@@ -243,8 +243,11 @@ def _result(problem, best):
     E, Y = math.exp(log_E), math.exp(log_Y)
     H = Y * math.exp(log_k)
     predicted = [found[0] for found in problem.predict(best.x)]
-    residual = np.concatenate([(f - c.force) / np.maximum(f, FLOOR * c.force.max())
-                               for f, c in zip(predicted, problem.curves, strict=True)])  # fmt: skip
+    parts = [
+        (f - c.force) / np.maximum(f, FLOOR * c.force.max())
+        for f, c in zip(predicted, problem.curves, strict=True)
+    ]
+    residual = np.concatenate(parts)
     delta, force, strain = problem.setup.course(E, Y, H)
     most = max(c.force.max() / c.size.radius**2 for c in problem.curves)
     onset = (2.5 * Y / problem.setup.modulus(E)) ** 2

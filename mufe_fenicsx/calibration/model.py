@@ -29,6 +29,8 @@ class Setup:
     nu: float  #: Poisson's ratio of the grains
     test: str = "platens"  #: between two platens; two like grains; on one platen, held elsewhere
     platen: tuple | None = None  #: Young's modulus [Pa] and Poisson's ratio; None: rigid
+    #: Approaches over R and force over that of the ball, as of :mod:`~.own_mesh`; None: a ball.
+    shape: tuple | None = None
 
     @property
     def contacts(self):
@@ -52,6 +54,8 @@ class Setup:
         """
         modulus = self.modulus(E)
         delta, ratio, strain = ball.load().course(self.nu, Y / modulus, H / Y)
+        if self.shape is not None:
+            ratio = ratio * np.interp(delta, *self.shape)
         return delta, 4 / 3 * modulus * delta**1.5 * ratio, strain
 
     @property

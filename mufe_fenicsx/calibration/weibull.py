@@ -9,8 +9,8 @@ and the part of grains that survives a stress is
     P(σ) = exp[-(σ/s)^m],  s = σ₀ (d/d₀)^(-b),
 
 with d₀ the geometric mean of the diameters. By Weibull's weakest link the exponent b is 3/m where
-flaws are in the volume (G. R. McDowell, M. D. Bolton, Géotechnique 48, 1998, 667-679); here it is an
-unknown where sizes differ enough, and 0 where not. Intervals are those of the likelihood ratio
+flaws are in the volume (G. R. McDowell, M. D. Bolton, Géotechnique 48, 1998, 667-679); here it is
+an unknown where sizes differ enough, and 0 where not. Intervals are those of the likelihood ratio
 (J. F. Lawless, Statistical Models and Methods for Lifetime Data, 2003, section 5.2).
 """
 

@@ -54,6 +54,12 @@ def calibrate(
         str | None,
         typer.Option(metavar="X", help="Displacement at touch, where it is known; else sought."),
     ] = None,
+    run: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RUN", help="Of a grain of this shape: a run of `mufe new single-grain`."
+        ),
+    ] = None,
     overwrite: Overwrite = False,
     json: Json = None,
 ):
@@ -61,7 +67,7 @@ def calibrate(
     serial_only("calibrate")
     printer = Printer(json)
     from ..calibration.calibrate import Options, platen_of
-    from ..calibration.calibrate import calibrate as run
+    from ..calibration.calibrate import calibrate as fit_all
     from ..calibration.fit import Given
     from ..calibration.model import TESTS, Setup
 
@@ -75,10 +81,11 @@ def calibrate(
         None if offset is None else to_si(number_or_text(offset), "m", "--offset"),
         compliance if sought else to_si(number_or_text(compliance), "m/N", "--compliance"),
     )
-    setup = Setup(nu, test, platen_of(platen, lambda x, u: to_si(number_or_text(x), u, "--platen")))
+    platens = platen_of(platen, lambda x, u: to_si(number_or_text(x), u, "--platen"))
+    setup = Setup(nu, test, platens, None if run is None else _shape(run))
     options = Options(setup, given, _positive("--density", density, "kg/m^3"), _size(diameter))
     with progress_bar("calibrating") as progress:
-        result = run(data, options, output, overwrite, progress)
+        result = fit_all(data, options, output, overwrite, progress)
     _print(printer, result)
     printer.write_json(result)
 
@@ -95,6 +102,12 @@ def _print(printer, result):
         lines = result["material"].splitlines()
         printer.say("", *(line for line in lines if not line.startswith("#")), "")
     printer.say(f"tables and figures: {result['output']}")
+
+
+def _shape(run):
+    from ..calibration.own_mesh import shape_of_run
+
+    return shape_of_run(run)
 
 
 def _positive(name, text, unit):

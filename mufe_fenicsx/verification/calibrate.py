@@ -16,12 +16,12 @@ from .paper_sphere import E as PAPER_E
 from .plastic_ball import RADIUS
 
 #: Glass that yields and hardens, between platens of steel.
-E, GLASS_NU, YIELD, SLOPE = 70e9, 0.2, 1.0e9, 10e9
+E, GLASS_NU, YIELD, SLOPE = 70e9, 0.2, 1.5e9, 10e9
 STEEL = (210e9, 0.3)
 #: Of the machine [m/N]; diameters [m]; displacement at the end over the diameter.
 COMPLIANCE, SMALLEST, LARGEST, DEPTH = 5e-8, 0.6e-3, 1.2e-3, 0.035
 #: Largest offsets over the displacement at the end, and points of a curve.
-OFFSET, POINTS = 0.05, 40
+OFFSET, POINTS = 0.05, 200
 #: What has to come back.
 MODULUS, STRESS, PAPER = 0.03, 0.10, 0.05
 #: Of 20 intervals of 95 % this many hold the true value, with a probability of 0.92.

@@ -1,5 +1,6 @@
 """`mufe calibrate` on tables: what it writes, and what it refuses in one line."""
 
+import json
 import tomllib
 
 import numpy as np
@@ -10,11 +11,14 @@ from mufe_fenicsx.calibration.data import Size, read_data
 from mufe_fenicsx.calibration.fit import Given
 from mufe_fenicsx.calibration.friction import mindlin_force
 from mufe_fenicsx.calibration.model import Setup
+from mufe_fenicsx.calibration.own_mesh import shape_of_run
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.scene import load_scene
 from mufe_fenicsx.units import to_si
 from mufe_fenicsx.verification.calibrate import GLASS_NU, STEEL, YIELD, E, made_curves
 from tests.doors import mufe as run_mufe
+from tests.scene.scene_files import SMALLEST
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork")
 SETUP = Setup(GLASS_NU, "platens", STEEL)
@@ -116,3 +120,29 @@ def test_unloading_is_left_out_and_said(tmp_path):
     data = read_data([path], BALL)
     assert data.curves[0].force.size == 10
     assert "2 rows after the largest displacement" in data.notes[0]
+
+
+def test_a_run_of_its_mesh_tells_the_shape_of_a_grain(tmp_path):
+    """Forces of a run that are 1.3 times those of the ball, from the touch on."""
+    (tmp_path / "scene.toml").write_text(SMALLEST)
+    material = load_scene(tmp_path / "scene.toml").material
+    radius, height = 0.4e-3, 0.83e-3
+    (strain, stress) = material.yield_table()
+    slope = (stress[-1] - stress[0]) / strain[-1]
+    delta, force, _ = Setup(material.nu).course(material.E, stress[0], slope)
+    x = np.linspace(0.0, 0.02, 200)
+    rows = {
+        "step": np.arange(200),
+        "height": height - 2 * radius * x,
+        "force_z_min": 1.3 * radius**2 * np.interp(x, delta, force),
+    }
+    rows["force_z_max"] = rows["force_z_min"]
+    lines = [",".join(rows), *(",".join(f"{v:.9g}" for v in row) for row in zip(*rows.values()))]
+    (tmp_path / "history.csv").write_text("\n".join(lines) + "\n")
+    mass = material.rho * 4 / 3 * np.pi * radius**3
+    (tmp_path / "run.json").write_text(json.dumps({"num_grains": 1, "mass": mass}))
+    at, factor = shape_of_run(tmp_path)
+    # The touch is drawn from rows; the first tenth of the way has its error.
+    assert factor[at > 0.002] == pytest.approx(1.3, rel=0.02)
+    found = Setup(material.nu, shape=(at, factor)).course(material.E, stress[0], slope)[1]
+    assert found[-1] == pytest.approx(1.3 * force[-1], rel=0.02)

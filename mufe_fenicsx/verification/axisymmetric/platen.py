@@ -1,4 +1,4 @@
-"""A ball pressed on an elastic platen: a half-space that recedes under the pressure (Boussinesq)."""
+"""A ball on an elastic platen: a half-space that recedes under the pressure (Boussinesq)."""
 
 import math
 
