@@ -13,7 +13,14 @@ from mufe_fenicsx.calibration.friction import fit_friction, mindlin_force
 from mufe_fenicsx.calibration.model import Setup
 from mufe_fenicsx.calibration.weibull import fit_weibull
 from mufe_fenicsx.theory import mindlin
-from mufe_fenicsx.verification.calibrate import GLASS_NU, STEEL, YIELD, E, made_curves
+from mufe_fenicsx.verification.calibrate import (
+    COMPLIANCE,
+    GLASS_NU,
+    STEEL,
+    YIELD,
+    E,
+    made_curves,
+)
 
 SETUP = Setup(GLASS_NU, "platens", STEEL)
 
@@ -43,13 +50,13 @@ def test_elastic_curves_give_no_yield_stress():
     assert 'model = "elastic"' in sentences.material_block(fit, 0.2, 2500.0)
 
 
-def test_soft_grains_say_that_modulus_and_yield_hang_together():
-    """Where all flows the force hardly depends on the modulus."""
-    curves = made_curves(SETUP.course(100e9, 20e6, 1e9), SETUP, 6, 0.03, 1)
+def test_what_one_curve_does_not_determine_is_said():
+    """Where all flows the force hardly depends on the modulus; with it the rest is known."""
+    curves = made_curves(SETUP.course(100e9, 20e6, 1e9), SETUP, 1, 0.03, 1)
     said = " ".join(sentences.limits_of(fit_curves(curves, SETUP), None))
-    assert "Young's modulus" in said
-    held = fit_curves(curves, SETUP, Given(E=100e9))
-    assert held.value("hardening") == pytest.approx(1e9, rel=0.05)
+    assert "do not determine Young's modulus" in said
+    held = fit_curves(curves, SETUP, Given(E=100e9, compliance=COMPLIANCE))
+    assert held.value("hardening") == pytest.approx(1e9, rel=0.1)  # 200 points of 3 %
 
 
 def test_friction_and_stiffness_of_mindlin():

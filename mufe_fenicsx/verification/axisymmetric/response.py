@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from petsc4py import PETSc
-from scipy.interpolate import RegularGridInterpolator, interp1d
+from scipy.interpolate import RegularGridInterpolator
 
 from ...calibration.ball import KNEE
 from ...materials.j2 import J2
@@ -32,8 +32,6 @@ NU, OTHER_NU = 0.15, 0.35
 LARGEST, OTHER_LARGEST = (0.04, 0.01, 0.0025), (0.04, 0.0025)
 #: Edges per contact radius at the end, how much shorter they are on the surface, steps.
 ELEMENTS, SURFACE, STEPS = 8, 4, 16
-#: Added to strains before their logarithm.
-LEAST = 1e-6
 #: The first step that is kept: half of the edges.
 FIRST = 8
 
@@ -70,7 +68,8 @@ def grid_of(rows):
     """The grid of the table from pressed balls: φ and strain at (ν, Y, k, δ).
 
     Of an approach that two meshes reach, the mesh made for the smaller contact counts. The other
-    Poisson's ratio differs by little: its difference is interpolated from fewer points.
+    Poisson's ratio differs by little: its difference, on the same meshes, is interpolated from
+    fewer points.
 
     Args:
         rows: (ν, Y, k, largest, approach, ratio, strain) of each step that is kept.
@@ -78,39 +77,35 @@ def grid_of(rows):
     Returns:
         A list of (ν, Y, k, approach, ratio, strain).
     """
-    best = {}
+    raw = {}
     for nu, Y, k, largest, delta, ratio, strain in rows:
-        if delta < 0.249 * largest:
-            continue
-        key = nu, Y, k
-        place = float(f"{delta:.5g}")
-        found = best.setdefault(key, {})
-        if place not in found or largest < found[place][0]:
-            found[place] = largest, math.log(ratio), math.log(strain + LEAST)
-    deltas = sorted({delta for found in best.values() for delta in found})
-    full = {}
-    for (nu, Y, k), found in best.items():
-        known = sorted(found)
-        values = np.array([found[delta][1:] for delta in known])
-        full[nu, Y, k] = interp1d(np.log(known), values, axis=0)(np.log(deltas))
-    yields, ks = (sorted({key[i] for key in full if key[0] == NU}) for i in (1, 2))
-    few_yields, few_ks = (sorted({key[i] for key in full if key[0] == OTHER_NU}) for i in (1, 2))
-    change = np.array([[full[OTHER_NU, Y, k][:, 0] - full[NU, Y, k][:, 0] for k in few_ks]
-                       for Y in few_yields])  # fmt: skip
-    between = RegularGridInterpolator((np.log(few_yields), _slope(few_ks)), change)
+        if delta > 0.249 * largest:
+            raw.setdefault((nu, Y, k), {})[float(f"{delta:.5g}"), largest] = ratio, strain
+    keys = sorted((Y, k) for nu, Y, k in raw if nu == NU)
+    few = [sorted({key[i] for key in raw if key[0] == OTHER_NU}) for i in (1, 2)]
+    deltas = np.unique([delta for delta, _ in raw[NU, *keys[0]]])
+    change = np.array([[_change(raw[NU, Y, k], raw[OTHER_NU, Y, k], deltas) for k in few[1]]
+                       for Y in few[0]])  # fmt: skip
+    between = RegularGridInterpolator((np.log(few[0]), _slope(few[1])), change)
     made = []
-    for Y in yields:
-        for k in ks:
-            at = (
-                np.clip(np.log(Y), *np.log(few_yields)[[0, -1]]),
-                np.clip(_slope(k), *_slope(few_ks)[[0, -1]]),
-            )
-            for nu, more in ((NU, 0.0), (OTHER_NU, between(at)[0])):
-                log_ratio, log_strain = full[NU, Y, k].T
-                ratio, strain = np.exp(log_ratio + more), np.exp(log_strain) - LEAST
-                made += [(nu, Y, k, d, r, max(e, 0.0))
-                         for d, r, e in zip(deltas, ratio, strain, strict=True)]  # fmt: skip
+    for Y, k in keys:
+        at = np.log(np.clip(Y, few[0][0], few[0][-1])), _slope(np.clip(k, 0.0, few[1][-1]))
+        # The mesh of the smaller contact comes first.
+        own = [min((largest, *raw[NU, Y, k][d, largest]) for d, largest in raw[NU, Y, k] if d == x)
+               for x in deltas]  # fmt: skip
+        for nu, more in ((NU, np.zeros(deltas.size)), (OTHER_NU, between(at).ravel())):
+            made += [
+                (nu, Y, k, delta, ratio * math.exp(m), strain)
+                for delta, m, (_, ratio, strain) in zip(deltas, more, own, strict=True)
+            ]
     return sorted(made)
+
+
+def _change(ball, other, deltas):
+    """Logarithm of the ratio of forces of two balls on the same meshes, at approaches."""
+    same = {delta: math.log(other[delta, mesh][0] / ball[delta, mesh][0]) for delta, mesh in other}
+    at = sorted(same)
+    return np.interp(np.log(deltas), np.log(at), [same[delta] for delta in at])
 
 
 def _slope(k):
