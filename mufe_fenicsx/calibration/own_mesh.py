@@ -17,8 +17,9 @@ from ..results.run import Run
 from ..scene.reading import load_scene
 from .model import Setup
 
-#: Approaches of ψ, and the part of the largest from which on the run counts.
-POINTS, FROM = 12, 0.05
+#: Approaches of ψ, and the part of the largest from which on the run counts: smaller contacts have
+#: too few elements to tell a shape from a mesh.
+POINTS, FROM = 6, 0.25
 
 
 def shape_of_run(path):
