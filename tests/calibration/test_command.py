@@ -105,8 +105,6 @@ def test_a_table_without_sizes_and_a_command_without_them(tmp_path):
         ([], "no size"),
         (["--diameter", "-1 mm"], "--diameter"),
         (["--diameter", "1 mm", "--platen", "steel"], "--platen"),
-        (["--diameter", "1 mm", "--test", "two"], "--test"),
-        (["--diameter", "1 mm", "--nu", "0.5"], "--nu"),
         (["--diameter", "1 mm", "--compliance", "3 N"], "--compliance"),
     ):
         status, lines = run_mufe("calibrate", path, "-o", tmp_path / "out", *given)
@@ -137,7 +135,8 @@ def test_a_run_of_its_mesh_tells_the_shape_of_a_grain(tmp_path):
         "force_z_min": 1.3 * radius**2 * np.interp(x, delta, force),
     }
     rows["force_z_max"] = rows["force_z_min"]
-    lines = [",".join(rows), *(",".join(f"{v:.9g}" for v in row) for row in zip(*rows.values()))]
+    table = zip(*rows.values(), strict=True)
+    lines = [",".join(rows), *(",".join(f"{v:.9g}" for v in row) for row in table)]
     (tmp_path / "history.csv").write_text("\n".join(lines) + "\n")
     mass = material.rho * 4 / 3 * np.pi * radius**3
     (tmp_path / "run.json").write_text(json.dumps({"num_grains": 1, "mass": mass}))

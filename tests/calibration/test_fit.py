@@ -80,10 +80,10 @@ def test_friction_and_stiffness_of_mindlin():
 
 
 def test_weibull_is_that_of_scipy_and_its_intervals_hold():
-    """Maximum likelihood of equal sizes; forty samples of 25 hold m in 34 or more."""
+    """Maximum likelihood of equal sizes; twenty samples of 25 hold m in 16 or more."""
     rng = np.random.default_rng(1)
     d, m, strength, hits = 1e-3, 3.5, 80e6, 0
-    for sample in range(40):
+    for sample in range(20):
         forces = strength * rng.weibull(m, 25) * d**2 / 0.9
         found = fit_weibull(forces, np.full(25, d))
         hits += found.modulus_interval[0] < m < found.modulus_interval[1]
@@ -91,7 +91,7 @@ def test_weibull_is_that_of_scipy_and_its_intervals_hold():
             shape, _, scale = weibull_min.fit(0.9 * forces / d**2, floc=0)
             assert found.modulus == pytest.approx(shape, rel=1e-4)  # both stop there
             assert found.strength == pytest.approx(scale, rel=1e-4)
-    assert hits >= 34  # of 38 expected, three standard deviations less
+    assert hits >= 16  # of 19 expected, three standard deviations less
 
 
 def test_size_effect_of_flaws_in_the_volume():

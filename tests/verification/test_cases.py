@@ -33,6 +33,7 @@ CHEAP = [
     ("hertz", {"bodies": "cylinders", "elements_per_radius": 1.5}, ""),
     ("hertz", {"bodies": "spheres-E1:10"}, "slow"),
     ("hertz-stress", {"elements_per_radius": 2.5}, "slow"),
+    ("calibrate", {"sets": 2, "elements_per_radius": 5}, "slow"),
     ("curved-walls", {}, "slow"),
     ("confined-cylinder", {}, "slow"),
     ("undrained-elastic", {"elements": 3}, "slow"),
