@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.calibration import ball
+from mufe_fenicsx.calibration.data import Curve, Size
+from mufe_fenicsx.calibration.model import Setup, forces
 from mufe_fenicsx.theory import finite_sphere, hertz
 from mufe_fenicsx.verification import reference
 
@@ -61,3 +63,23 @@ def test_hardening_and_yield_raise_the_force():
     assert (np.diff(forces, axis=0) > -0.01).all()
     forces = np.array([table.course(0.2, 1e-3, k)[1] for k in np.geomspace(1.0, 3000.0, 25)])
     assert (np.diff(forces, axis=0) > -0.01).all()
+
+
+@pytest.mark.parametrize(
+    ("test", "contacts", "R", "bodies"),
+    [
+        ("platens", 2, 1.0, [(70e9, 0.2), (210e9, 0.3)]),
+        ("platen", 1, 1.0, [(70e9, 0.2), (210e9, 0.3)]),
+        ("grains", 1, 0.5, [(70e9, 0.2), (70e9, 0.2)]),
+    ],
+)
+def test_grains_that_do_not_yield_follow_hertz_machine_and_offset(test, contacts, R, bodies):
+    """D = o + n δ + C F at small contacts, with the closed form of each contact."""
+    d, offset, compliance = 1e-3, 2e-7, 1e-8
+    delta = np.linspace(1e-8, 2e-7, 20)
+    force = hertz.hertz_force(delta, R * d / 2, hertz.effective_modulus(*bodies))
+    displacement = offset + contacts * delta + compliance * force
+    curve = Curve("", displacement, force, Size(d, d, d))
+    setup = Setup(0.2, test, (210e9, 0.3))
+    found = forces(curve, setup, setup.course(70e9, 50e9, 1e9), offset, compliance)[0]
+    assert found == pytest.approx(force, rel=0.02)  # the table's error, 1 % of the force
