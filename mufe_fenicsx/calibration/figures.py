@@ -80,6 +80,7 @@ def draw_survival(path, found):
         shown = (law > 1e-12) & (law < 1 - 0.2 / n)
         right.loglog(line[shown], -np.log(law[shown]))
         right.set(ylabel=r"$\ln(1/P)$: –")
+        style.plain_log_ticks(right.xaxis)
         for k, axis in enumerate((left, right)):
             axis.set_xlabel(rf"strength {FACTOR:g} $F/d^2${size}: MPa")
             style.panel_letter(axis, k)
