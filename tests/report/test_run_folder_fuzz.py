@@ -166,7 +166,7 @@ def test_what_is_damaged_is_said_and_the_rest_is_shown(whole, tmp_path):
     run = Run(folder)
     assert run.summary["num_grains"] == content["num_grains"] and "wall_s" not in run.summary
     assert "run.json: finished, num_cells, stages, wall_s, which is not what" in run.missing[0]
-    job = Job((TABLES,), folder, tmp_path, None, None, 45.0, None)
+    job = Job((TABLES,), folder, tmp_path, None, None, 45.0, (), None)
     (tables,) = draw_job(job)
     assert any(heading == "Run" for heading, *_ in tables.content)
 

@@ -40,7 +40,7 @@ class EdgeContact:
         self.slip = np.zeros(ratio.size)  #: of own nodes in crossings, up to the last search [m]
         self.edges = None
         self.pairs = None
-        #: Pairs of the last search and their :meth:`keys`, by which the next one finds them again.
+        #: While pairs are searched, those of before and their :meth:`keys`.
         self.past = None
 
     def deepest(self):
@@ -67,6 +67,7 @@ class EdgeContact:
         self.set_pairs(first, second, bound)
         if self.past is not None:
             self._transfer(*self.past)
+            self.past = None
 
     def put_away(self):
         """Keep the pairs by their names, for the next search. Local."""

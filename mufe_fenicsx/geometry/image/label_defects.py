@@ -6,15 +6,17 @@ from skimage.measure import label as connected
 
 #: Lines about defects of one kind, before one that says how many more there are.
 MOST = 4
+#: Voxels from which on a hole is told: pores of touching grains are smaller, and no mesh has them.
+LEAST = 8
 
 
 def defects_of(labels, source):
     """Lines on labels in several pieces, inside of another one, and holes between labels.
 
     Voxels of a piece hang together by faces, those of a hole by corners too. A label is inside of
-    another one if it has no other neighbour and is not at the border of the image. A hole
-    that one label encloses is a cavity of its grain, and none of these
-    (:func:`.labels.fill_cavities`).
+    another one if it has no other neighbour and is not at the border of the image. Holes have
+    LEAST voxels or more. One that a single label encloses is a cavity of its grain, and none of
+    these (:func:`.labels.fill_cavities`).
 
     Args:
         labels: Integers, 0 is void, (z, y, x).
@@ -78,7 +80,7 @@ def _holes(labels):
         [],
     )
     for k, box in enumerate(boxes, start=1):
-        if _at_border(box, labels.shape):
+        if size[k] < LEAST or _at_border(box, labels.shape):
             continue
         around = tuple(slice(s.start - 1, s.stop + 1) for s in box)
         mine = hole[around] == k
