@@ -15,7 +15,8 @@ from .terminal import Printer, progress_bar
 
 #: What is printed of each scan; the report and JSON have all.
 SHOWN = (
-    "strain", "num_tracked", "num_lost_in_scan", "mean_displacement",
+    "strain", "shortening", "run_shortening", "num_grains", "num_on_labels", "num_tracked",
+    "num_lost_in_scan", "mean_displacement",
     "mean_displacement_difference", "mean_difference_voxels", "mean_rotation_difference",
     "mean_dice", "contacts_gained", "run_contacts_gained", "contacts_lost", "run_contacts_lost",
 )  # fmt: skip
@@ -92,7 +93,9 @@ def compare(
         printer.say(f"{scan['scan']}:")
         printer.summary({name: scan[name] for name in SHOWN if name in scan})
         printer.say("")
-    printer.say(*result["notices"], f"report: {result['report']}")
+    printer.say(f"the run counts from its grains as {result['run_counts_from']}")
+    printer.say(*result["notices"], *(f"warning: {line}" for line in result["warnings"]))
+    printer.say(f"report: {result['report']}")
     printer.write_json(result)
 
 

@@ -12,12 +12,15 @@ from ..geometry.tracking.track import track_bodies
 from ..machine.files import new_folder
 from ..report.scans import write_scans
 from ..results import Run
-from ..results.scans import beside, grains_of_labels
+from ..results.scans import beside, start_of
 from .tracks import read_track
 
 #: Table of all grains, by which a folder of a comparison is known; and the mean strains of the
 #: sample, which stages can follow.
 TABLE, MOTION = "compare.csv", "motion.csv"
+#: Part by which diameters of run and labels may differ: twice what a mesh may have too little or
+#: too much of a grain's volume, and what labels are off by where they were segmented anew.
+LARGEST_DIFFERENCE = 0.03
 
 
 def compare_scans(
@@ -33,11 +36,11 @@ def compare_scans(
     Args:
         run: Folder that ``mufe run`` wrote.
         labels: Label images, first that of the sample before the test: the labels that were meshed,
-            or others in the same place. Then those of later scans; where others tracked these, they
+            or others of the same sample in the same place, as meshed or as seated. Then those of later scans; where others tracked these, they
             may be left out.
         output: New folder.
         tracks: Tables of `peers.tracks.read_track`, one for each later scan; none: tracked here.
-        strains: Of the run's states at each later scan; none: see `results.scans.strain_of_run_at`.
+        strains: Of the run's states at each later scan; none: see `results.scans.beside`.
         voxel_size, key: See `label_files.read_labels`.
         align: See `results.scans.beside`.
         progress: Called with numbers of grains done and of all, and a text.
@@ -55,7 +58,8 @@ def compare_scans(
     num = _num_scans(labels, tracks, strains)
     images, size = _read_scans(labels, voxel_size, key, notices)
     first = bodies_of(images[0], str(labels[0]))
-    grains = grains_of_labels(run, images[0], size, labels[0])
+    begin = start_of(run, images[0], size, labels[0])
+    warnings = _about_grains(begin, run, labels[0], size)
     names = [p.name for p in (labels[1:] or tracks)]
     found, before = [], None
     with new_folder(output, overwrite=overwrite, marker=TABLE) as folder:
@@ -71,17 +75,24 @@ def compare_scans(
                 before = track
             strain = strains[k] if strains else None
             pair = (images[0], later)
-            found.append(beside(run, track, grains, size, strain=strain, labels=pair, align=align))
+            found.append(beside(run, track, begin, size, strain=strain, labels=pair, align=align))
+            warnings += _beyond(found[-1].numbers, names[k], images[0].shape[0])
         _write_table(folder / TABLE, names, found)
         _write_motion(folder / MOTION, run.container, found)
         shown = zip(names, found, images[1:] or [None] * num, strict=True)
-        write_scans(folder, run, list(shown), size, _about(labels[0], tracks, strains, align))
+        about = [*_about(labels[0], tracks, strains, begin, align), *(f"Warning: {w}." for w in warnings)]
+        write_scans(folder, run, list(shown), size, about)
     return {
         "output": str(output),
         "table": str(Path(output) / TABLE),
         "report": str(Path(output) / "report.html"),
         "voxel_size": size,
+        "run_counts_from": "seated" if begin.seated else "meshed",
+        "overlap_meshed": begin.overlaps[0],
+        "overlap_seated": begin.overlaps[1],
+        "diameter_ratio": begin.diameter_ratio,
         "notices": notices,
+        "warnings": warnings,
         "scans": [{"scan": n} | f.numbers for n, f in zip(names, found, strict=True)],
         "seconds": round(time.perf_counter() - start, 2),
     }
@@ -92,8 +103,8 @@ def _num_scans(labels, tracks, strains):
     later = len(labels) - 1
     if not labels or (later < 1 and not tracks):
         raise InputError(
-            f"{len(labels)} scans, expected labels before the test and one later scan at least, or "
-            "its track"
+            f"{len(labels)} of the labels given, expected two at least: before the test and of a "
+            "later scan (or its track, --tracks)"
         )
     if tracks and later not in (0, len(tracks)):
         raise InputError(f"{len(tracks)} tracks of {later} later scans, expected as many")
@@ -156,7 +167,40 @@ def _write_motion(path, container, found):
     np.savetxt(path, rows, fmt="%.9g", delimiter=", ", header=head, comments="")
 
 
-def _about(first, tracks, strains, align):
+def _about_grains(begin, run, first, size):
+    """What the labels of the first scan lack, and whether their voxels are as large as meshed."""
+    told = []
+    lacking = begin.num_grains - len(begin.grains)
+    if lacking:
+        told.append(
+            f"{lacking} of {begin.num_grains} grains of {run.path} lie on no label of "
+            f"{first} and are left out"
+        )
+    if abs(begin.diameter_ratio - 1) > LARGEST_DIFFERENCE:
+        told.append(
+            f"grains of {first} are {begin.diameter_ratio:.3g} times as wide as those of "
+            f"{run.path} (median), expected 1: with voxels of {size / begin.diameter_ratio:.3g} m "
+            f"instead of {size:.3g} m they would be as wide"
+        )
+    return told
+
+
+def _beyond(numbers, name, height):
+    """Whether a scan is pressed less or more than the run ever is: by over half a voxel."""
+    wanted, least, most = (
+        numbers.get(key) for key in ("shortening", "run_shortening_least", "run_shortening_most")
+    )
+    if least is None or least - 0.5 / height <= wanted <= most + 0.5 / height:
+        return []
+    what = "less than the run at its start" if wanted < least else "more than the run at its end"
+    return [
+        f"{name} is pressed {what}: its grains are shorter by {wanted:.3g} along z than in "
+        f"the first scan, those of the run by {least:.3g} to {most:.3g}; it stands beside the "
+        "nearest state"
+    ]
+
+
+def _about(first, tracks, strains, begin, align):
     """How the comparison came about, in sentences."""
     how = "read from tables of others" if tracks else "tracked by assignment and rigid registration"
     said = [f"Grains of {first.name} were {how} in later scans."]
@@ -166,7 +210,10 @@ def _about(first, tracks, strains, align):
         else "Each scan stands beside the run where the same grains are pressed as much along z."
     )
     said.append(
-        "Displacements count from the first scan, and from the first stored state of the run."
+        "Displacements count from the first scan, and in the run from "
+        + ("the first stored state" if begin.seated else "the grains as meshed")
+        + f", by what fits the first scan: overlaps are {begin.overlaps[0]:.3f} as meshed and "
+        f"{begin.overlaps[1]:.3f} in that state."
     )
     if align:
         said.append("The motion that all grains share beyond that of the run was taken out.")

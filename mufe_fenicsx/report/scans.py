@@ -19,6 +19,10 @@ SLAB = 0.5
 #: Rows of the page's table: key, words, unit, significant digits.
 ROWS = (
     ("strain", "Strain of the run", "", 4),
+    ("shortening", "Shortening of the grains along z in the scan", "", 4),
+    ("run_shortening", "Shortening of the same grains in the run", "", 4),
+    ("num_grains", "Grains of the run", "", 6),
+    ("num_on_labels", "Grains of the run that lie on labels", "", 6),
     ("num_tracked", "Grains compared", "", 6),
     ("num_lost_in_scan", "Grains of the first scan that are lost", "", 6),
     ("mean_displacement", "Displacement in the scan, mean", "m", 3),

@@ -1,9 +1,9 @@
 """A run beside scans of the same sample: grains at the same strain, one by one and all together.
 
 Columns of the table, a row a grain: ``grain`` in the run, ``label`` in the first scan and
-``label_now``; ``volume`` in the run's first state [m³]; ``center_x`` … in the first scan [m];
-``displacement_x`` … from the first scan and ``run_displacement_x`` … from the first stored state
-[m]; ``displacement_difference``, the length of their difference; ``rotation_x`` … and
+``label_now``; ``volume`` at the start of the run [m³]; ``center_x`` … in the first scan [m];
+``displacement_x`` … from the first scan and ``run_displacement_x`` … from the start of the run
+[m], that of its :class:`Start`; ``displacement_difference``, the length of their difference; ``rotation_x`` … and
 ``run_rotation_x`` …, rotation vectors [rad]; ``rotation_difference``, the angle between both.
 
 ``strain_zz``, ``strain_volume``, ``strain_deviator``, and with ``run_`` those of the run, are
@@ -17,21 +17,22 @@ With labels of the later scan: ``dice``, the overlap of its label with the run's
 cease to share faces of voxels, the run's grains on the same voxels.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas
 from scipy.spatial.transform import Rotation
 
+from ..analysis.by_grain import index_grains
 from ..analysis.grain_stress import grain_stress
 from ..analysis.kinematics import grain_motion
 from ..analysis.localisation import delaunay_cells, grain_strain
 from ..errors import InputError
 from ..geometry.image.compare_labels import matched_grains
 from ..geometry.image.labels import touching_labels
+from ..geometry.measure import tet_volumes
 from ..kernels.geometry.voxels import label_cells
-from .columns import STRESS, columns_of
-from .grain_tables import grain_volumes
+from .columns import STRESS, columns_of, vectors
 
 #: Share of the run's grains that have to lie on a label of the first scan.
 ENOUGH = 0.5
@@ -45,7 +46,6 @@ class Moment:
     states: tuple  #: numbers of the two states
     weight: float  #: of the second, 0 to 1
     points: np.ndarray  #: nodes [m], shape (num_nodes, 3)
-    start: np.ndarray  #: the same nodes in the first stored state [m], shape (num_nodes, 3)
     state: object  #: :class:`~mufe_fenicsx.results.state.State` whose mesh it is
 
 
@@ -76,8 +76,25 @@ def moment_at(run, strain):
     points = later.points
     if weight < 1.0:
         points = (1 - weight) * later.points_of(run.state(int(ends[0]))) + weight * points
-    start = later.points_of(run.state(int(numbers[0])))
-    return Moment(float(strain), tuple(int(e) for e in ends), weight, points, start, later)
+    return Moment(float(strain), tuple(int(e) for e in ends), weight, points, later)
+
+
+def start_points(run, state, seated):
+    """Nodes from which the motion of a run counts [m], in the order of a state, (num_nodes, 3).
+
+    Args:
+        run: :class:`~mufe_fenicsx.results.run.Run`.
+        state: :class:`~mufe_fenicsx.results.state.State`.
+        seated: From the first stored state on, the end of seating; False: from the grains as
+            meshed, the reference configuration.
+    """
+    return state.points_of(run.state(int(run.states.index[0]))) if seated else state.reference
+
+
+def start_moment(run, seated):
+    """The start of a run, see :func:`start_points`, as a :class:`Moment`."""
+    first = moment_at(run, float(run.states["strain"].iloc[0]) if len(run.states) else 0.0)
+    return first if seated else replace(first, points=first.state.reference)
 
 
 def voxels_of(moment, shape, voxel_size, shift=(0.0, 0.0, 0.0)):
@@ -96,25 +113,50 @@ def voxels_of(moment, shape, voxel_size, shift=(0.0, 0.0, 0.0)):
     return labels
 
 
-def grains_of_labels(run, labels, voxel_size, source):
-    """Label in a first scan of each grain of a run, by where its first state has it.
+@dataclass(frozen=True)
+class Start:
+    """Where a run starts, by the labels of a first scan."""
 
-    Returns:
-        Dictionary {grain: label}.
+    grains: dict  #: {grain: label in the scan} of those that lie on a label of their own
+    seated: bool  #: see :func:`start_points`
+    overlaps: tuple  #: mean Dice of all grains with the labels, as meshed and seated [-]
+    num_grains: int  #: of the run
+    diameter_ratio: float  #: diameters of equal volume, labels over run, median [-]
+
+
+def start_of(run, labels, voxel_size, source):
+    """The :class:`Start` of a run: its grains as meshed, or seated, whichever fits labels better.
+
+    Args:
+        run: :class:`~mufe_fenicsx.results.run.Run`.
+        labels: Of the first scan, (z, y, x).
+        voxel_size: [m].
+        source: Name of the labels in messages.
 
     Raises:
         InputError: Fewer than half of the grains lie on a label of their own.
     """
-    first = moment_at(run, float(run.states["strain"].iloc[0]) if len(run.states) else 0.0)
-    ours = voxels_of(first, labels.shape, voxel_size)
-    found = matched_grains(labels, ours)
-    num = len(first.state.labels)
-    if len(found) < ENOUGH * num:
+    fits = [_fit(start_moment(run, seated), labels, voxel_size) for seated in (False, True)]
+    seated = fits[1][1] > fits[0][1]
+    grains, num = fits[seated][0], len(run.state(int(run.states.index[0])).labels)
+    if len(grains) < ENOUGH * num:
         raise InputError(
-            f"labels {source}: {len(found)} of {num} grains of {run.path} lie on a label, expected "
-            f"{ENOUGH:.0%} at least: labels in the place and with the voxel size of those meshed"
+            f"labels {source}: {len(grains)} of {num} grains of {run.path} lie on a label, "
+            f"expected {ENOUGH:.0%} at least: labels in the place and with the voxel size of those "
+            "meshed"
         )
-    return found
+    volume = _volumes(run, np.array(list(grains)), seated)
+    of_labels = np.bincount(labels.ravel())[list(grains.values())] * voxel_size**3
+    ratio = float(np.median(np.cbrt(of_labels / volume)))
+    return Start(grains, seated, tuple(fit[1] for fit in fits), num, ratio)
+
+
+def _fit(moment, labels, voxel_size):
+    """Dictionary {grain: label} of a run at a moment, and the mean Dice of all grains [-]."""
+    ours = voxels_of(moment, labels.shape, voxel_size)
+    found = matched_grains(labels, ours)
+    dice = _dice(ours, labels, np.array(list(found)), np.array(list(found.values())))
+    return found, float(np.sum(dice)) / len(moment.state.labels)
 
 
 def mean_strains(centre, displacement):
@@ -135,30 +177,39 @@ def mean_strains(centre, displacement):
     return -np.diag(gradient[:3])
 
 
-def strain_of_run_at(run, grains, centre, displacement):
-    """Strain of the states of a run at which its grains are pressed as those of a scan.
+def shortenings(run, grains, known, seated):
+    """Shortening along z of grains of a run at its states [-], shape (num_states,).
 
-    Both sides count the shortening along z of the same grains, see :func:`mean_strains`: walls,
-    and grains that no scan shows, do not matter.
+    See :func:`mean_strains`: walls, and grains that no scan shows, do not matter.
 
     Args:
         run: :class:`~mufe_fenicsx.results.run.Run`.
         grains: Labels in the run, shape (num_grains,).
-        centre, displacement: Of these in the scans [m], shape (num_grains, 3).
+        known: Their centres in the first scan [m], shape (num_grains, 3).
+        seated: See :func:`start_points`.
+    """
+    found = []
+    for number in run.states.index:
+        state = run.state(int(number))
+        start = start_points(run, state, seated)
+        motion = grain_motion(start, state.points, state.cells, state.grain)
+        moved = motion.translation[np.searchsorted(motion.labels, grains)]
+        found.append(mean_strains(known, moved)[2])
+    return np.array(found)
+
+
+def strain_at(run, of_states, wanted):
+    """Strain of the states of a run at which something that each state has is as wanted.
+
+    Args:
+        run: :class:`~mufe_fenicsx.results.run.Run`.
+        of_states: What the states have, shape (num_states,); linear in between.
+        wanted: Its value.
 
     Returns:
         Strain of the states; that of the nearest state where the run does not come by.
     """
-    wanted = mean_strains(centre, displacement)[2]
-    strains = []
-    first = run.state(int(run.states.index[0]))
-    for number in run.states.index:
-        state = run.state(int(number))
-        motion = grain_motion(state.points_of(first), state.points, state.cells, state.grain)
-        at = np.searchsorted(motion.labels, grains)
-        moved = np.where(np.isfinite(displacement), motion.translation[at], np.nan)
-        strains.append(mean_strains(centre, moved)[2])
-    known, of_states = run.states["strain"].to_numpy(dtype=float), np.array(strains)
+    known = run.states["strain"].to_numpy(dtype=float)
     between = (of_states[:-1] - wanted) * (of_states[1:] - wanted) <= 0
     if not between.any():
         return float(known[np.argmin(np.abs(of_states - wanted))])
@@ -178,15 +229,16 @@ class Beside:
     run_labels: np.ndarray | None  #: the run's grains on the scan's voxels; None without labels
 
 
-def beside(run, track, grains, voxel_size, *, strain=None, labels=(None, None), align=False):
+def beside(run, track, start, voxel_size, *, strain=None, labels=(None, None), align=False):
     """A run beside a scan that was tracked.
 
     Args:
         run: :class:`~mufe_fenicsx.results.run.Run`.
         track: :class:`~mufe_fenicsx.geometry.tracking.track.Track`.
-        grains: Of :func:`grains_of_labels`.
+        start: Of :func:`start_of`.
         voxel_size: [m].
-        strain: Of the run's states at which it is looked at; None: see :func:`strain_of_run_at`.
+        strain: Of the run's states at which it is looked at; None: where its grains are as much
+            shorter along z, since the start, as the same grains in the scan.
         labels: Of the first scan and of the later one, (z, y, x); None where there are none.
         align: Take the mean difference of displacements, as of a sample that was mounted anew, out
             of the scan.
@@ -197,19 +249,27 @@ def beside(run, track, grains, voxel_size, *, strain=None, labels=(None, None), 
     Raises:
         InputError: Fewer than four grains are tracked, or the run does not come by the strain.
     """
-    grain, at = _tracked(track, grains)
+    grain, at = _tracked(track, start.grains)
+    numbers, wanted = {}, float(mean_strains(track.centre[at], track.displacement[at])[2])
     if strain is None:
-        strain = strain_of_run_at(run, grain, track.centre[at], track.displacement[at])
+        of_states = shortenings(run, grain, track.centre[at], start.seated)
+        strain = strain_at(run, of_states, wanted)
+        numbers |= {"run_shortening_least": of_states.min(), "run_shortening_most": of_states.max()}
     moment = moment_at(run, strain)
-    table, shift = _motions(run, track, moment, (grain, at), align)
+    table, shift = _motions(run, track, moment, (grain, at), (start.seated, align))
     run_labels = None
     if labels[1] is not None:
         run_labels = voxels_of(moment, labels[1].shape, voxel_size, shift if align else np.zeros(3))
         table["dice"] = _dice(run_labels, labels[1], grain, track.label_now[at])
-        _add_contacts(table, run, labels, run_labels, voxel_size)
+        before = voxels_of(start_moment(run, start.seated), labels[0].shape, voxel_size)
+        _add_contacts(table, labels, (before, run_labels))
     for name, values in _stresses(run, moment, grain).items():
         table[name] = values
-    numbers = _numbers(table, track, voxel_size, moment, len(grains))
+    ours = mean_strains(track.centre[at], vectors(table, "run_displacement"))[2]
+    numbers |= {"shortening": wanted, "run_shortening": ours}
+    numbers = {name: float(value) for name, value in numbers.items()}
+    numbers |= {"num_grains": start.num_grains, "num_on_labels": len(start.grains)}
+    numbers |= _numbers(table, track, voxel_size, moment)
     numbers |= {f"common_shift_{a}": float(s) for a, s in zip("xyz", shift, strict=True)}
     of_all = mean_strains(track.centre, track.displacement)
     numbers |= {f"sample_strain_{a}": float(s) for a, s in zip("xyz", of_all, strict=True)}
@@ -226,11 +286,12 @@ def _tracked(track, grains):
     return tuple(np.array(x) for x in zip(*pairs, strict=True))
 
 
-def _motions(run, track, moment, grains, align):
+def _motions(run, track, moment, grains, how):
     """The table's columns of motions and strains, and the motion of all beyond the run's [m]."""
-    grain, at = grains
-    centre, moved, volume = track.centre[at], track.displacement[at], _volumes(run, grain)
-    own = grain_motion(moment.start, moment.points, moment.state.cells, moment.state.grain)
+    (grain, at), (seated, align) = grains, how
+    centre, moved, volume = track.centre[at], track.displacement[at], _volumes(run, grain, seated)
+    start = start_points(run, moment.state, seated)
+    own = grain_motion(start, moment.points, moment.state.cells, moment.state.grain)
     mine = np.searchsorted(own.labels, grain)
     # The place of a label's centre as the run takes it there: both move the same point.
     off = centre - own.centre[mine]
@@ -268,9 +329,11 @@ def _rotations(scan, run):
     )
 
 
-def _volumes(run, grain):
-    """Of grains in the first stored state [m³], shape (num_grains,)."""
-    labels, volume = grain_volumes(run.state(int(run.states.index[0])))
+def _volumes(run, grain, seated):
+    """Of grains at the start of a run [m³], shape (num_grains,)."""
+    first = start_moment(run, seated)
+    labels, index = index_grains(first.state.grain)
+    volume = np.bincount(index, tet_volumes(first.points, first.state.cells))
     return volume[np.searchsorted(labels, grain)]
 
 
@@ -305,16 +368,14 @@ def _dice(ours, theirs, grain, label_now):
     return np.array(dice)
 
 
-def _add_contacts(table, run, labels, run_labels, voxel_size):
+def _add_contacts(table, labels, run_labels):
     """Contacts gained and lost of each grain, of scan and run, as columns of the table."""
-    first = moment_at(run, float(run.states["strain"].iloc[0]))
-    before = voxels_of(first, labels[0].shape, voxel_size)
     known = set(table["grain"].tolist())
     scan = [dict(zip(table[name], table["grain"], strict=True)) for name in ("label", "label_now")]
     own = {g: g for g in known}
     for prefix, pair in (
         ("", zip(labels, scan, strict=True)),
-        ("run_", ((before, own), (run_labels, own))),
+        ("run_", zip(run_labels, (own, own), strict=True)),
     ):
         old, new = (pairs_of(image, grain_of) for image, grain_of in pair)
         for name, changed in (("gained", new - old), ("lost", old - new)):
@@ -347,13 +408,12 @@ def _stresses(run, moment, grain):
     )
 
 
-def _numbers(table, track, voxel_size, moment, num_grains):
+def _numbers(table, track, voxel_size, moment):
     """What the table says of all grains together, a dict of plain numbers."""
     difference = table["displacement_difference"].to_numpy()
     numbers = {
         "strain": moment.strain,
         "states": list(moment.states),
-        "num_grains": num_grains,
         "num_tracked": len(table),
         "num_lost_in_scan": int((~track.found).sum()),
         "mean_displacement": float(
