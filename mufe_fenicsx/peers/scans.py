@@ -36,9 +36,8 @@ def compare_scans(
     Args:
         run: Folder that ``mufe run`` wrote.
         labels: Label images, first that of the sample before the test: the labels that were meshed,
-            or others of the same sample in the same place, as meshed or as seated. Then those of later scans; where others tracked these, they
-            may be left out.
-        output: New folder.
+            or others of the same sample in the same place, as meshed or as seated. Then those of
+            later scans; where others tracked these, they may be left out.
         tracks: Tables of `peers.tracks.read_track`, one for each later scan; none: tracked here.
         strains: Of the run's states at each later scan; none: see `results.scans.beside`.
         voxel_size, key: See `label_files.read_labels`.
@@ -59,7 +58,7 @@ def compare_scans(
     images, size = _read_scans(labels, voxel_size, key, notices)
     first = bodies_of(images[0], str(labels[0]))
     begin = start_of(run, images[0], size, labels[0])
-    warnings = _about_grains(begin, run, labels[0], size)
+    warnings = about_grains(begin, run, labels[0], size)
     names = [p.name for p in (labels[1:] or tracks)]
     found, before = [], None
     with new_folder(output, overwrite=overwrite, marker=TABLE) as folder:
@@ -76,11 +75,14 @@ def compare_scans(
             strain = strains[k] if strains else None
             pair = (images[0], later)
             found.append(beside(run, track, begin, size, strain=strain, labels=pair, align=align))
-            warnings += _beyond(found[-1].numbers, names[k], images[0].shape[0])
+            warnings += beyond(found[-1].numbers, names[k], images[0].shape[0])
         _write_table(folder / TABLE, names, found)
         _write_motion(folder / MOTION, run.container, found)
         shown = zip(names, found, images[1:] or [None] * num, strict=True)
-        about = [*_about(labels[0], tracks, strains, begin, align), *(f"Warning: {w}." for w in warnings)]
+        about = [
+            *_about(labels[0], tracks, strains, begin, align),
+            *(f"Warning: {w}." for w in warnings),
+        ]
         write_scans(folder, run, list(shown), size, about)
     return {
         "output": str(output),
@@ -167,7 +169,7 @@ def _write_motion(path, container, found):
     np.savetxt(path, rows, fmt="%.9g", delimiter=", ", header=head, comments="")
 
 
-def _about_grains(begin, run, first, size):
+def about_grains(begin, run, first, size):
     """What the labels of the first scan lack, and whether their voxels are as large as meshed."""
     told = []
     lacking = begin.num_grains - len(begin.grains)
@@ -185,7 +187,7 @@ def _about_grains(begin, run, first, size):
     return told
 
 
-def _beyond(numbers, name, height):
+def beyond(numbers, name, height):
     """Whether a scan is pressed less or more than the run ever is: by over half a voxel."""
     wanted, least, most = (
         numbers.get(key) for key in ("shortening", "run_shortening_least", "run_shortening_most")

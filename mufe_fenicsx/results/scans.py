@@ -3,8 +3,9 @@
 Columns of the table, a row a grain: ``grain`` in the run, ``label`` in the first scan and
 ``label_now``; ``volume`` at the start of the run [m³]; ``center_x`` … in the first scan [m];
 ``displacement_x`` … from the first scan and ``run_displacement_x`` … from the start of the run
-[m], that of its :class:`Start`; ``displacement_difference``, the length of their difference; ``rotation_x`` … and
-``run_rotation_x`` …, rotation vectors [rad]; ``rotation_difference``, the angle between both.
+[m], that of its :class:`Start`; ``displacement_difference``, the length of their difference;
+``rotation_x`` … and ``run_rotation_x`` …, rotation vectors [rad]; ``rotation_difference``, the
+angle between both.
 
 ``strain_zz``, ``strain_volume``, ``strain_deviator``, and with ``run_`` those of the run, are
 logarithmic, compression positive: means at the grain over Delaunay cells of centres

@@ -1,5 +1,7 @@
 """A run beside scans: against its own images, and against a motion that is known."""
 
+import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.tracking.track import track_labels
 from mufe_fenicsx.kernels.geometry.voxels import label_cells
+from mufe_fenicsx.peers.scans import about_grains, beyond
 from mufe_fenicsx.results import Run
 from mufe_fenicsx.results.scans import (
     beside,
@@ -153,3 +156,61 @@ def test_contacts_gained_and_lost(run, scans, track):
 def test_labels_that_are_not_those_of_the_run(run, scans):
     with pytest.raises(InputError, match=r"labels a\.tif: 0 of 12 grains .* lie on a label"):
         start_of(run, np.roll(scans[0], 12, axis=(0, 1, 2)), VOXEL, "a.tif")
+
+
+@pytest.fixture(scope="module")
+def seated_run(tmp_path_factory):
+    """The same run, of which 2.5 % are seating: the first stored state is there, with strain 0."""
+    folder = tmp_path_factory.mktemp("seated")
+    write_run(folder, num_states=5)
+    series = folder / "fields" / "states.vtkhdf.series"
+    told = json.loads(series.read_text())
+    told["files"] = [state | {"strain": state["strain"] - 0.025} for state in told["files"][1:]]
+    series.write_text(json.dumps(told))
+    return Run(folder)
+
+
+@pytest.mark.parametrize("seated", [False, True])
+def test_motion_counts_from_where_the_first_scan_shows_the_grains(run, seated_run, seated):
+    """From the mesh, or from seating, to the same place: 1.5 % of the run's strain for both."""
+    pair = image(run, 0.025 if seated else 0.0), image(run, 0.04)
+    start = start_of(seated_run, pair[0], VOXEL, "a.tif")
+    # Grains lie on their own voxels exactly in one of both places.
+    assert start.seated is seated and start.overlaps[seated] == 1.0 > start.overlaps[not seated]
+    found = beside(seated_run, track_labels(*pair, VOXEL), start, VOXEL, labels=pair)
+    # 0.1 voxels of 40 between the outer layers of balls are 0.0025; the other start is 0.025 off.
+    assert found.moment.strain == pytest.approx(0.015, abs=2.5e-3)
+    assert found.numbers["mean_difference_voxels"] < 0.15 and found.table["dice"].min() > 0.95
+    touching = pairs_of(pair[0], {40 - g: g for g in start.grains})
+    assert found.numbers["run_contacts_before"] == len(touching)
+
+
+@pytest.mark.parametrize(("strain", "said"), [(0.04, ""), (0.015, "less"), (0.14, "more")])
+def test_a_scan_beyond_the_run_is_told(run, seated_run, scans, track, strain, said):
+    """Of the mesh, the run is pressed by 2.5 to 10 %; all numbers are in the message."""
+    track = replace(track, displacement=track.displacement * strain / 0.03)
+    start = start_of(seated_run, scans[0], VOXEL, "a.tif")
+    numbers = beside(seated_run, track, start, VOXEL).numbers
+    told = beyond(numbers, "b.tif", scans[0].shape[0])
+    assert len(told) == bool(said)
+    if said:
+        assert told[0].startswith(f"b.tif is pressed {said} than the run at its")
+        shown = [float(x) for x in re.findall(r"0\.\d+", told[0])]
+        # Means of all grains to a tenth of the strain: some balls touch, and their labels are cut.
+        assert shown == pytest.approx([strain, 0.025, 0.1], rel=0.1)
+
+
+def test_voxels_of_another_size_are_told(run, scans):
+    """The size that fits is in the message, and how many grains no label has."""
+    first = np.where(scans[0] > 28, 0, scans[0])  # grains 10 and 11 have labels 30 and 29
+    start = start_of(run, first, VOXEL, "a.tif")
+    assert about_grains(start, run, "a.tif", VOXEL) == [
+        f"2 of 12 grains of {run.path} lie on no label of a.tif and are left out"
+    ]
+    told = about_grains(start_of(run, scans[0], 1.06 * VOXEL, "a.tif"), run, "a.tif", 1.06 * VOXEL)
+    ratio, right, given = re.search(
+        r"are (\S+) times .* voxels of (\S+) m .* of (\S+) m", told[-1]
+    ).groups()
+    # A volume of 4000 voxels is known to a part of a thousand.
+    assert [float(ratio), float(right) / VOXEL] == pytest.approx([1.06, 1.0], rel=0.005)
+    assert float(given) == pytest.approx(1.06 * VOXEL)
