@@ -3,6 +3,7 @@
 What the command needs is imported where it runs, so that `mufe --help` is quick.
 """
 
+from math import isnan
 from pathlib import Path
 from typing import Annotated
 
@@ -17,8 +18,9 @@ from .terminal import Printer, progress_bar
 SHOWN = (
     "strain", "shortening", "run_shortening", "num_grains", "num_on_labels", "num_tracked",
     "num_lost_in_scan", "mean_displacement",
-    "mean_displacement_difference", "mean_difference_voxels", "mean_rotation_difference",
-    "mean_dice", "contacts_gained", "run_contacts_gained", "contacts_lost", "run_contacts_lost",
+    "mean_displacement_difference", "mean_difference_voxels", "num_rotations",
+    "mean_rotation_difference", "mean_dice", "contacts_gained", "run_contacts_gained",
+    "contacts_lost", "run_contacts_lost",
 )  # fmt: skip
 #: Options that take several values in a row.
 LISTS = ("--labels", "--tracks")
@@ -91,7 +93,8 @@ def compare(
         )  # fmt: skip
     for scan in result["scans"]:
         printer.say(f"{scan['scan']}:")
-        printer.summary({name: scan[name] for name in SHOWN if name in scan})
+        shown = {name: scan[name] for name in SHOWN if name in scan}
+        printer.summary({name: value for name, value in shown.items() if not isnan(value)})
         printer.say("")
     printer.say(f"the run counts from its grains as {result['run_counts_from']}")
     printer.say(*result["notices"], *(f"warning: {line}" for line in result["warnings"]))

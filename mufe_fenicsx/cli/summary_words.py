@@ -113,6 +113,7 @@ _OF_PACKINGS = {
 _OF_SCANS = {
     "shortening": ("shortening of the grains along z, scan", ""),
     "run_shortening": ("the same, run", ""),
+    "num_rotations": ("grains whose rotation the scan tells", ""),
     "num_on_labels": ("grains of the run that lie on labels", ""),
     "num_tracked": ("grains compared", ""),
     "num_lost_in_scan": ("grains of the first scan that are lost", ""),

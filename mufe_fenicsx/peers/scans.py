@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.image.label_files import read_labels
-from ..geometry.tracking.bodies import bodies_of
+from ..geometry.tracking.bodies import ROUND, bodies_of
 from ..geometry.tracking.track import track_bodies
 from ..machine.files import new_folder
 from ..report.scans import write_scans
@@ -66,6 +66,7 @@ def compare_scans(
             later = images[k + 1] if len(images) > 1 else None
             if tracks:
                 track = read_track(tracks[k], first, size)
+                track.rotation[first.round] = np.nan
                 track = track if later is None else _with_labels(track, later, size)
             else:
                 new = bodies_of(later, str(labels[k + 1]))
@@ -196,8 +197,8 @@ def beyond(numbers, name, height):
         return []
     what = "less than the run at its start" if wanted < least else "more than the run at its end"
     return [
-        f"{name} is pressed {what}: its grains are shorter by {wanted:.3g} along z than in "
-        f"the first scan, those of the run by {least:.3g} to {most:.3g}; it stands beside the "
+        f"{name} is pressed {what}: its grains are shorter by {wanted + 0.0:.3g} along z than in "
+        f"the first scan, those of the run by {least + 0.0:.3g} to {most:.3g}; it stands beside the "
         "nearest state"
     ]
 
@@ -216,6 +217,10 @@ def _about(first, tracks, strains, begin, align):
         + ("the first stored state" if begin.seated else "the grains as meshed")
         + f", by what fits the first scan: overlaps are {begin.overlaps[0]:.3f} as meshed and "
         f"{begin.overlaps[1]:.3f} in that state."
+    )
+    said.append(
+        f"Nothing tells how round grains turn, whose principal moments are within {ROUND:.0%}: "
+        "their rotation is empty in the table and in no mean."
     )
     if align:
         said.append("The motion that all grains share beyond that of the run was taken out.")

@@ -32,6 +32,7 @@ ROWS = (
     ("common_shift_x", "Motion of all grains beyond that of the run, x", "m", 3),
     ("common_shift_y", "Motion of all grains beyond that of the run, y", "m", 3),
     ("common_shift_z", "Motion of all grains beyond that of the run, z", "m", 3),
+    ("num_rotations", "Grains whose rotation the scan tells", "", 6),
     ("mean_rotation_difference", "Angle between rotations, mean", "°", 3),
     ("rms_rotation_difference", "Angle between rotations, root mean square", "°", 3),
     ("mean_strain_zz", "Vertical strain around grains in the scan, mean", "", 3),
@@ -75,7 +76,7 @@ def draw_scatter(found, name, voxel_size):
         axis.set(xlabel=f"Scan, {what}", ylabel=f"Run, {what}")
         _one_to_one(axis)
         style.panel_letter(axis, k)
-    figure.legend(loc="outside upper right", ncols=3)
+    figure.legend(loc="outside upper left", ncols=3)
     columns = {f"displacement {a} [m]": scan[:, k] for k, a in enumerate("xyz")}
     columns |= {f"run displacement {a} [m]": run[:, k] for k, a in enumerate("xyz")}
     columns |= {"rotation [°]": turn[0], "run rotation [°]": turn[1]}
@@ -84,7 +85,8 @@ def draw_scatter(found, name, voxel_size):
         figure,
         f"{name}: (a) displacements, (b) rotations and (c) vertical strains of grains, run over "
         "scan",
-        "A point a grain; on the line both are the same. Strains are those of Delaunay cells of "
+        "A point a grain, in (a) one for each of x, y and z; on the line both are the same. Round "
+        "grains have no point in (b). Strains are those of Delaunay cells of "
         f"centres, compression positive. A voxel is {style.quantity(voxel_size, 'm')}.",
         {"": columns},
         "wide",
@@ -216,8 +218,8 @@ def draw_slices(found, name, voxel_size, labels):
         "slices",
         figure,
         f"{name}: labels of the scan (grey, black lines) and the run's grains at the same strain "
-        "(red lines) in three middle slices",
-        "Where only red is seen both are the same.",
+        "(orange lines) in three middle slices",
+        "Orange lines hide the black ones where both are the same.",
         {},
         "wide",
         vector=False,

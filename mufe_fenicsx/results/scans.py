@@ -5,7 +5,7 @@ Columns of the table, a row a grain: ``grain`` in the run, ``label`` in the firs
 ``displacement_x`` … from the first scan and ``run_displacement_x`` … from the start of the run
 [m], that of its :class:`Start`; ``displacement_difference``, the length of their difference;
 ``rotation_x`` … and ``run_rotation_x`` …, rotation vectors [rad]; ``rotation_difference``, the
-angle between both.
+angle between both; nan where the scan does not tell, as of round grains.
 
 ``strain_zz``, ``strain_volume``, ``strain_deviator``, and with ``run_`` those of the run, are
 logarithmic, compression positive: means at the grain over Delaunay cells of centres
@@ -423,6 +423,7 @@ def _numbers(table, track, voxel_size, moment):
         "mean_displacement_difference": float(difference.mean()),
         "rms_displacement_difference": _rms(difference),
         "mean_difference_voxels": float(difference.mean() / voxel_size),
+        "num_rotations": int(table["rotation_difference"].notna().sum()),
         "mean_rotation_difference": _mean(table["rotation_difference"]),
         "rms_rotation_difference": _rms(table["rotation_difference"].dropna()),
     }

@@ -69,7 +69,8 @@ def errors_of(track, scans, labels):
 
     Returns:
         Whether each grain that is a label in both scans was tracked to it, shape (num_seen,); of
-        those the errors of displacement [m] and of rotation [degrees], shapes (num_right,).
+        those the errors of displacement [m], shape (num_right,), and of rotation [degrees], without
+        round grains.
     """
     ours, later = (matched_grains(x, true) for x, true in zip(labels, scans.grain, strict=True))
     seen = [grain for grain in ours if grain in later]
@@ -80,7 +81,8 @@ def errors_of(track, scans, labels):
     off = track.centre[at] - scans.centre[grain]
     true = scans.displacement[grain] + turn.apply(off) - off
     error = np.linalg.norm(track.displacement[at] - true, axis=1)
-    angle = (Rotation.from_matrix(track.rotation[at]) * turn.inv()).magnitude()
+    told = np.isfinite(track.rotation[at]).all(axis=(1, 2))
+    angle = (Rotation.from_matrix(track.rotation[at][told]) * turn[told].inv()).magnitude()
     return right, error, np.degrees(angle)
 
 

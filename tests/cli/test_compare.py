@@ -78,7 +78,7 @@ def test_a_run_against_its_images(mufe, place):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("scan0.tif",), "1 of the labels given, expected two at least: before the test and of a later"),
+        (("scan0.tif",), "1 of the labels given, expected two at least: before"),
         (("scan0.tif", "small.tif"), "labels small.tif have shape (33, 34, 34), expected (34,"),
         (
             ("scan0.tif", "coarse.tif"),

@@ -7,6 +7,10 @@ import scipy.ndimage
 
 from ...errors import InputError
 
+#: A grain is round if its principal second moments differ by less than this part: its diameters by
+#: half of it, which is what voxels and cuts between neighbours do to labels of balls.
+ROUND = 0.05
+
 
 @dataclass(frozen=True)
 class Bodies:
@@ -20,6 +24,11 @@ class Bodies:
     axes: np.ndarray  #: their directions in columns, a right-handed set, (num_grains, 3, 3)
     cut: np.ndarray  #: whether the border of the image cuts it, shape (num_grains,)
     boxes: list  #: slices (z, y, x) around each
+
+    @property
+    def round(self):
+        """Which grains are nearly balls: labels do not tell how they turn, shape (num_grains,)."""
+        return self.moments[:, 2] < (1 + ROUND) * self.moments[:, 0]
 
     @property
     def diameter(self):

@@ -19,7 +19,7 @@ class Track:
     label_now: np.ndarray  #: in the later one, 0 where it is lost or not known, (num_grains,)
     centre: np.ndarray  #: in the first scan [m], (x, y, z), shape (num_grains, 3)
     displacement: np.ndarray  #: of that centre [m], shape (num_grains, 3)
-    rotation: np.ndarray  #: rotation matrices, nan where only places are known, (num_grains, 3, 3)
+    rotation: np.ndarray  #: matrices, nan of round grains and by places alone, (num_grains, 3, 3)
     misfit: np.ndarray  #: of the registration [-], nan where others tracked, shape (num_grains,)
 
     @property
@@ -71,7 +71,8 @@ def track_bodies(old, new, voxel_size, before=None, progress=None, names=("", ""
     rotation = np.full((n, 3, 3), np.nan)
     for k in np.flatnonzero(found >= 0):
         displacement[k], turn, misfit[k] = register(old, k, new, found[k], start[k])
-        rotation[k] = turn.as_matrix()
+        if not (old.round[k] or new.round[found[k]]):
+            rotation[k] = turn.as_matrix()
         if progress:
             progress(int(k) + 1, n)
     return Track(

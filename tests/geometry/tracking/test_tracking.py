@@ -94,3 +94,20 @@ def test_scans_that_do_not_belong_together(balls):
     other[2:6, 2:6, 2:6] = 1  # of another size
     with pytest.raises(InputError, match="labels b: none of the 12 grains of a is found again"):
         track_labels(images[0], other, 1.0, names=("a", "b"))
+
+
+def test_how_balls_turn_is_not_told():
+    """Three balls of 18 voxels move; an ellipsoid beside them, longer by a fifth, has its turn."""
+    place = np.array([[12.0, 12, 12], [12, 34, 13], [34, 12, 12], [34, 34, 12]])
+    moved = np.array([[0.5, -0.3, 1.0], [0.2, 0.4, 0.8], [-0.4, 0.1, 0.7], [0.3, 0.3, 0.6]])
+    stretch = np.array([[1.0, 1, 1]] * 3 + [[1.2, 1.0, 0.75]])
+    voxel = np.moveaxis(np.indices((26, 46, 46))[::-1], 0, -1) + 0.5
+    first, later = np.zeros((2, 26, 46, 46), np.int32)
+    for k in range(4):
+        for image, at in ((first, place[k]), (later, place[k] + moved[k])):
+            image[np.linalg.norm((voxel - at) / stretch[k], axis=-1) < 9] = k + 1
+    track = track_labels(first, later, 1.0)
+    # A tenth of a voxel, as of all grains.
+    assert track.displacement == pytest.approx(moved, abs=0.1)
+    assert np.isfinite(track.rotation).all(axis=(1, 2)).tolist() == [False] * 3 + [True]
+    assert np.degrees(Rotation.from_matrix(track.rotation[3]).magnitude()) < 1.5
