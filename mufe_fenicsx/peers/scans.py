@@ -198,8 +198,8 @@ def beyond(numbers, name, height):
     what = "less than the run at its start" if wanted < least else "more than the run at its end"
     return [
         f"{name} is pressed {what}: its grains are shorter by {wanted + 0.0:.3g} along z than in "
-        f"the first scan, those of the run by {least + 0.0:.3g} to {most:.3g}; it stands beside the "
-        "nearest state"
+        f"the first scan, those of the run by {least + 0.0:.3g} to {most:.3g}; it stands beside "
+        "the nearest state"
     ]
 
 
