@@ -34,6 +34,8 @@ TIME = "time"
 STEP, MOST = 1e-12, 1e100
 #: Bytes of a file.
 LARGEST = 100_000_000
+#: What may stand where commas have to.
+SEPARATORS = {";": "semicolons", "\t": "tabs"}
 NAME_AND_UNIT = re.compile(r"\s*(\w+)\s*(?:\[\s*([^\]]*?)\s*\])?\s*")
 
 
@@ -47,12 +49,13 @@ class Table:
     rows: list[tuple[int, list[str]]]
     checksum: int  #: of the bytes of the file
 
-    def values(self, names, least=2):
+    def values(self, names, least=2, gaps=False):
         """Numbers of the columns, shape (num_rows, num_columns).
 
         Args:
             names: Of all columns, for messages; None where a column is left aside.
             least: Number of rows that there have to be.
+            gaps: Whether cells may be empty; they are nan.
 
         Raises:
             InputError: There are fewer rows, or a value is no finite number.
@@ -60,14 +63,16 @@ class Table:
         if len(self.rows) < least:
             wanted = "one" if least == 1 else "two"
             raise InputError(f"{self.path} has {len(self.rows)} rows, expected at least {wanted}")
-        return np.array([_numbers(self.path, number, row, names) for number, row in self.rows])
+        return np.array(
+            [_numbers(self.path, number, row, names, gaps) for number, row in self.rows]
+        )
 
 
 def read_table(path) -> Table:
     """Read a CSV file whose first line names the columns; lines with # are comments. Local.
 
     Raises:
-        InputError: It cannot be read, or is empty.
+        InputError: It cannot be read, is empty, or is separated by something else than commas.
     """
     path = Path(path)
     try:
@@ -85,6 +90,13 @@ def read_table(path) -> Table:
     ]
     if not rows:
         raise InputError(f"{path} has no line, expected the names of columns")
+    number, header = rows[0]
+    for letter, word in SEPARATORS.items():
+        if sum(cell.count(letter) for cell in header) > len(header) - 1:
+            raise InputError(
+                f"{path}, line {number} is separated by {word}, expected commas, and numbers with "
+                "a decimal point"
+            )
     return Table(path, *rows[0], rows[1:], zlib.crc32(data))
 
 
@@ -192,7 +204,7 @@ def _columns(path, number, row, units):
     return names, factors
 
 
-def _numbers(path, number, row, names):
+def _numbers(path, number, row, names, gaps=False):
     """The values of one line."""
     where = f"{path}, line {number}"
     if len(row) != len(names):
@@ -200,6 +212,9 @@ def _numbers(path, number, row, names):
     found = []
     for name, cell in zip(names, row, strict=True):
         if name is None:
+            continue
+        if gaps and not cell.strip():
+            found.append(math.nan)
             continue
         try:
             value = float(cell)

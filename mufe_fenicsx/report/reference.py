@@ -3,10 +3,12 @@
 from dataclasses import asdict
 from itertools import cycle
 
+import numpy as np
+
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.figure import file_name
-from mufe_fenicsx.results.reference_curves import UNITS, differences
+from mufe_fenicsx.results.reference_curves import BEYOND, NO_BRANCH, UNITS, differences
 from mufe_fenicsx.units import with_unit
 
 #: Name of the file with the differences, without ending.
@@ -26,8 +28,9 @@ WORDS = {
 #: Heading of the table.
 HEADING = f"Beside measured curves: run less measured (figures/{NAME}.csv)"
 COLUMNS = (
-    "Run", "Measured", "Quantity", "At the same", "Branch", "From", "To", "Points",
-    "Mean difference", "Largest difference", "There",
+    "Run", "Measured", "Quantity", "At the same", "Branch", "From", "To",
+    "Points compared", "Points measured", "Not compared", "Mean difference", "Largest difference",
+    "There",
 )  # fmt: skip
 
 
@@ -49,6 +52,8 @@ def draw_measured(axis, references, x, y, scales=(1.0, 1.0)):
         if not {x, y} <= set(reference.columns):
             continue
         values = [reference.columns[name] for name in (x, y)]
+        known = np.isfinite(values).all(axis=0)
+        values = [numbers[known] for numbers in values]
         axis.plot(
             values[0] / scales[0], values[1] / scales[1], line, marker=marker,
             label=reference.label, color=style.BLACK, linewidth=0.7, markersize=3,
@@ -87,6 +92,28 @@ def compared(source):
     return found, lines
 
 
+def left_out(found):
+    """Sentences on the measured points that are beyond the runs, or in branches that they lack.
+
+    Args:
+        found: As :func:`compared` has them, with the name of the ``run``.
+    """
+    by_run = {}
+    for d in found:
+        if BEYOND in d["left_out"] or NO_BRANCH in d["left_out"]:
+            words = f"{WORDS[d['quantity']]} of {d['branch']}: {d['left_out']}"
+            by_run.setdefault((d["reference"], d["run"]), []).append(words)
+    sentences = {}
+    for (label, run), parts in by_run.items():
+        words = f"Measured points of {label} ({'; '.join(parts)}) are not compared"
+        sentences.setdefault(words, []).append(run)
+    num_runs = len({d["run"] for d in found})
+    return [
+        f"{words}{'' if len(runs) == num_runs else ' with ' + '; '.join(runs)}."
+        for words, runs in sentences.items()
+    ]
+
+
 def table_of(found):
     """Table of differences for the page: heading, rows of texts, names of the columns.
 
@@ -97,6 +124,7 @@ def table_of(found):
         (
             d["run"], d["reference"], WORDS[d["quantity"]], WORDS[d["over"]], d["branch"],
             _text(d["low"], d["over"]), _text(d["high"], d["over"]), style.number(d["num_points"]),
+            style.number(d["num_measured"]), d["left_out"] or "–",
             _difference(d["mean"], d), _difference(d["largest"], d), _text(d["at"], d["over"]),
         )
         for d in found
@@ -112,8 +140,10 @@ def columns_of(found):
 
 
 def _text(value, quantity):
-    return with_unit(value, UNITS[quantity] or "-")
+    return "–" if value is None else with_unit(value, UNITS[quantity] or "-")
 
 
 def _difference(value, row):
+    if value is None:
+        return "–"
     return f"{100 * value:+.1f} %" if row["relative"] else f"{value:+.4f}"

@@ -183,6 +183,7 @@ class _Report:
                 if len(lines) == len(sources):
                     raise InputError(lines[0])
             self.missing += [f"No difference from {label}: {line}." for line in lines]
+        self.missing += reference.left_out(self.differences)
 
     def _difference_tables(self):
         """Table of the differences from measured curves, and its file; none without any."""

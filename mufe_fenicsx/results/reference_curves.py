@@ -6,14 +6,15 @@ The first line of the file names the columns, each with its unit in brackets:
     0.0, 0.1, 0.55
     0.4, 1.2, 0.48
 
-A test may unload and reload. Branches are told apart by where the strain turns, in the file and in
-the run alike, and compared one by one.
+Empty cells are left out, column by column. A test may unload and reload. Branches are told apart by
+where the strain turns, in the file and in the run alike, and compared one by one.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +22,9 @@ import numpy as np
 from ..analysis import macro
 from ..analysis.rows import loading_rows
 from ..errors import InputError, nearest_name, shown
-from ..loading.measured import NAME_AND_UNIT, read_table
+from ..loading.measured import read_table
 from ..scene.reference import Column, Reference
 from ..scene.values import build
-from ..units import QUANTITIES, to_si
 
 #: Quantity -> SI unit, "" of a ratio; compression is positive.
 UNITS = {
@@ -38,6 +38,15 @@ UNITS = {
     "q": "Pa",
     "volumetric_strain": "",
 }
+#: SI unit -> what may stand in brackets, and its factor; powers may be written m^2 and m² too.
+ACCEPTED = {
+    "": {"-": 1.0, "%": 0.01, "mm/mm": 1.0},
+    "Pa": {
+        "Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5, "N/m2": 1.0, "kN/m2": 1e3,
+        "MN/m2": 1e6, "N/mm2": 1e6,
+    },
+}  # fmt: skip
+HEADER = re.compile(r"\s*(.*?)\s*(?:\[\s*([^\[\]]*?)\s*\]|\(\s*([^()]*?)\s*\))?\s*")
 #: Other names of columns; capitals do not count.
 SYNONYMS = {"sigma1": "stress", "sigma3": "side_stress"}
 #: What is compared: quantity, over what (the first that both have), and whether relatively.
@@ -50,6 +59,11 @@ COMPARED = (
 )
 #: A branch ends where the strain, or stress, turns back by more than this part of its range.
 TURN = 0.02
+#: Points beyond a branch of a run by less than this part of its range count as at its end: the
+#: first row of a run is a few steps after strain 0, its last one about a step from what was asked.
+EDGE = 2e-3
+#: Why points are not compared.
+BEYOND, NO_BRANCH = "beyond the run", "of a branch that the run has not"
 #: Relative differences count where the measured value exceeds this part of its largest.
 COUNTS = 0.1
 
@@ -70,19 +84,24 @@ class ReferenceCurves:
 
 @dataclass(frozen=True)
 class Difference:
-    """A run less a measured curve, in one branch, at the measured points in the range of both."""
+    """A run less a measured curve, in one branch, at the measured points in the range of both.
+
+    Where no point is compared all numbers of the difference are None.
+    """
 
     reference: str  #: label of the measured curve
     quantity: str
     over: str  #: quantity at the same value of which they are compared
     branch: str
     relative: bool  #: differences are over the measured value
-    num_points: int
-    low: float  #: least value of what they are compared over, SI unit
-    high: float  #: its largest
-    mean: float  #: difference, with its sign
-    largest: float  #: that of the largest absolute value, with its sign
-    at: float  #: where that is
+    num_points: int  #: that are compared
+    num_measured: int  #: of the branch; a point where the strain turns is of both its branches
+    left_out: str  #: why others are not compared, "" where all are
+    low: float | None = None  #: least value of what they are compared over, SI unit
+    high: float | None = None  #: its largest
+    mean: float | None = None  #: difference, with its sign
+    largest: float | None = None  #: that of the largest absolute value, with its sign
+    at: float | None = None  #: where that is
 
 
 def read_reference(reference: Reference) -> ReferenceCurves:
@@ -95,33 +114,42 @@ def read_reference(reference: Reference) -> ReferenceCurves:
         reference: File, label and columns.
 
     Raises:
-        InputError: It cannot be read, a column is not known, has no unit or one of another
-            dimension, nothing can be compared, or a value is no finite number; the message names
-            the file and the line.
+        InputError: It cannot be read, a column is not known, has no unit or none of
+            :data:`ACCEPTED`, nothing can be compared, or a value is no finite number; the message
+            names the file and the line.
     """
     table = read_table(reference.file)
     where = f"{table.path}, line {table.number}"
     quantities, factors = _columns(where, table.header, reference.columns)
-    values = table.values(quantities, least=1)
+    values = table.values(quantities, least=1, gaps=True)
     kept = [name for name in quantities if name is not None]
     found = dict(zip(kept, values.T * np.array(factors)[:, None], strict=True))
+    for name, numbers in found.items():
+        if np.isnan(numbers).all():
+            raise InputError(f"{table.path}: {name} has no number, expected one at least")
     with np.errstate(divide="ignore", invalid="ignore"):
         if "porosity" in found:
-            found.setdefault("void_ratio", found["porosity"] / (1.0 - found["porosity"]))
+            given = found["porosity"]
+            _derive(found, table, "void_ratio", given / (1.0 - given), given)
         if {"stress", "side_stress"} <= set(found):
-            found.setdefault("k0", found["side_stress"] / found["stress"])
-    for name, numbers in found.items():
-        if not np.isfinite(numbers).all():
-            line = table.rows[int(np.argmin(np.isfinite(numbers)))][0]
-            raise InputError(
-                f"{table.path}, line {line}: {name} is not finite, expected a porosity below 1 and "
-                "a stress that is not zero"
-            )
+            side, stress = found["side_stress"], found["stress"]
+            _derive(found, table, "k0", side / stress, side + stress)
     if not any(what in found and any(o in found for o in over) for what, over, _ in COMPARED):
         raise InputError(
             f"{where}: {', '.join(found)}, expected columns to compare, such as strain and stress"
         )
     return ReferenceCurves(table.path, reference.label, found)
+
+
+def _derive(found, table, name, numbers, given):
+    """Add a quantity that follows from others unless it is there; it is nan where they are."""
+    wrong = ~np.isfinite(numbers) & np.isfinite(given)
+    if name not in found and wrong.any():
+        raise InputError(
+            f"{table.path}, line {table.rows[int(np.argmax(wrong))][0]}: {name} is not finite, "
+            "expected a porosity below 1 and a stress that is not zero"
+        )
+    found.setdefault(name, numbers)
 
 
 def references_of(scene: Mapping) -> list[Reference]:
@@ -140,31 +168,20 @@ def references_of(scene: Mapping) -> list[Reference]:
 
 
 def _columns(where, header, asked: Mapping[str, Column]):
-    """Quantity of each column of the file, None where it is left aside, and factors to SI units."""
-    cells = [NAME_AND_UNIT.fullmatch(cell) for cell in header]
-    texts = [m[1] if m else cell.strip() for m, cell in zip(cells, header, strict=True)]
-    units = [m[2] if m else None for m in cells]
-    for quantity, column in asked.items():
-        if quantity not in UNITS:
-            raise InputError(
-                f"columns.{quantity} of a reference is not known, expected "
-                f"{nearest_name(quantity, UNITS)}"
-            )
-        if column.header not in texts:
-            raise InputError(
-                f"{where} has no column {shown(column.header)}, expected "
-                f"{nearest_name(column.header, texts)}"
-            )
+    """Quantity of each column of the file, None where it is left aside, and factors to SI units.
+
+    Columns that are not asked for keep the names that they have.
+    """
+    cells = [_name_and_unit(cell) for cell in header]
+    listed = _listed(where, cells, asked)
     quantities: list[str | None] = [None] * len(header)
     factors = []
-    for number, (text, unit) in enumerate(zip(texts, units, strict=True)):
-        if asked:
-            wanted = [q for q, column in asked.items() if column.header == text]
-            if not wanted:
-                continue
-            quantity, unit = wanted[0], asked[wanted[0]].unit or unit
-        else:
-            quantity = SYNONYMS.get(text.lower(), text.lower())
+    for number, (text, unit) in enumerate(cells):
+        quantity = listed.get(number) or SYNONYMS.get(text.lower(), text.lower())
+        if number in listed:
+            unit = asked[quantity].unit or unit
+        elif asked and (quantity not in UNITS or quantity in listed.values()):
+            continue
         if quantity not in UNITS:
             raise InputError(
                 f"{where}: {shown(text)} is not a known column, expected "
@@ -177,33 +194,82 @@ def _columns(where, header, asked: Mapping[str, Column]):
     return quantities, factors
 
 
+def _name_and_unit(cell):
+    """Name of a column and what is in brackets behind it, None without any."""
+    match = HEADER.fullmatch(" ".join(cell.split()))
+    return (match[1], match[2] or match[3]) if match[1] else (cell.strip(), None)
+
+
+def _listed(where, cells, asked):
+    """Number of a column -> its quantity, of those asked for, with or without their brackets."""
+    found = {}
+    for quantity, column in asked.items():
+        if quantity not in UNITS:
+            raise InputError(
+                f"columns.{quantity} of a reference is not known, expected "
+                f"{nearest_name(quantity, UNITS)}"
+            )
+        name, unit = _name_and_unit(column.header)
+        numbers = [k for k, cell in enumerate(cells) if cell == (name, unit or cell[1])]
+        if not numbers:
+            raise InputError(
+                f"{where} has no column {shown(column.header)}, expected "
+                f"{nearest_name(column.header, [text for text, _ in cells])}"
+            )
+        if len(numbers) > 1 or numbers[0] in found:
+            raise InputError(
+                f"{where}: columns.{quantity} = {shown(column.header)} is "
+                f"{'there twice' if len(numbers) > 1 else found[numbers[0]] + ' too'}, expected "
+                "one column for each"
+            )
+        found[numbers[0]] = quantity
+    return found
+
+
 def _factor(name, unit, wanted):
     """What a number of a unit is to be multiplied with to be in that of SI."""
+    accepted = ACCEPTED[wanted]
     if not unit:
-        example = f"[{QUANTITIES[wanted][1].split()[-1]}]" if wanted else "[-] or [%]"
-        raise InputError(f"{name} has no unit, expected one behind the name, such as {example}")
-    if unit == "-" and not wanted:
-        return 1.0
-    return to_si(f"1 {unit}", wanted, name)
+        raise InputError(f"{name} has no unit, expected one behind the name, of {_words(accepted)}")
+    plain = unit.replace(" ", "").replace("**", "").replace("^", "").replace("²", "2")
+    if plain not in accepted:
+        raise InputError(f"{name} has the unit {shown(unit)}, expected one of {_words(accepted)}")
+    return accepted[plain]
+
+
+def _words(units):
+    return ", ".join(f"[{unit}]" for unit in units)
 
 
 def branches_of(columns: Mapping[str, np.ndarray]) -> list[slice]:
     """Rows of each branch: between the points where the strain turns, both ends included.
 
-    Without a strain it is the stress that turns, or p.
+    Without a strain it is the stress that turns, or p. Rows where that is nan turn nothing.
     """
-    name = next(name for name in ("strain", "stress", "p") if name in columns)
-    way = np.asarray(columns[name], dtype=float)
-    scale, ends, extreme, sign = TURN * np.ptp(way), [0], 0, 0.0
-    for row in range(1, len(way)):
+    way = np.asarray(_way(columns), dtype=float)
+    known = np.flatnonzero(np.isfinite(way))
+    scale, extreme, sign = TURN * np.ptp(way[known]), known[0], 0.0
+    ends = [0]
+    for row in known[1:]:
         beyond = way[row] - way[extreme]
         if sign * beyond >= 0 and (sign or abs(beyond) > scale):
             sign, extreme = sign or float(np.sign(beyond)), row
         elif sign and abs(beyond) > scale:
-            ends.append(extreme)
+            ends.append(int(extreme))
             sign, extreme = -sign, row
     ends.append(len(way) - 1)
     return [slice(a, b + 1) for a, b in pairwise(ends)]
+
+
+def _way(columns):
+    """What turns where branches end."""
+    return next(columns[name] for name in ("strain", "stress", "p") if name in columns)
+
+
+def _sense(way):
+    """1 where a branch goes up, -1 where it goes down, 0 of a single point."""
+    way = way[np.isfinite(way)]
+    return float(np.sign(way[-1] - way[0])) if way.size else 0.0
 
 
 def curves_of_run(run) -> dict[str, np.ndarray]:
@@ -238,43 +304,72 @@ def curves_of_run(run) -> dict[str, np.ndarray]:
 def differences(reference: ReferenceCurves, curves: Mapping[str, np.ndarray]) -> list[Difference]:
     """How far a run is from measured curves, branch by branch.
 
-    The k-th branch of the run is compared with the k-th measured one, at the measured points in
-    the range of both; between its rows the run is a straight line.
+    The k-th branch of the run is compared with the k-th measured one where both go the same way, at
+    the measured points in the range of both; between its rows the run is a straight line.
 
     Args:
         reference: Of :func:`read_reference`.
         curves: Of :func:`curves_of_run`.
 
+    Returns:
+        One of each quantity and measured branch, also where no point of that is compared.
+
     Raises:
         InputError: No measured point is in the range of the run.
     """
     found = []
+    pairs = _pairs(reference, curves)
     for what, over, relative in COMPARED:
         both = [o for o in over if o in reference.columns and o in curves]
         if what not in reference.columns or what not in curves or not both:
             continue
-        of_run = branches_of(curves)
-        for number, (measured, own) in enumerate(zip(reference.branches, of_run, strict=False)):
+        for number, (measured, own) in enumerate(pairs):
             x, y = (reference.columns[name][measured] for name in (both[0], what))
-            at, value = _within(x, y, *(curves[name][own] for name in (both[0], what)))
-            if relative:
-                counts = np.abs(y[at]) > COUNTS * np.abs(y[at]).max(initial=0.0)
-                at, value = at[counts], value[counts]
-            if not at.size:
+            known = np.isfinite(x) & np.isfinite(y)
+            if not known.any():
                 continue
-            off = value - y[at]
-            off = off / y[at] if relative else off
-            k = int(np.argmax(np.abs(off)))
-            found.append(
-                Difference(
-                    reference.label, what, both[0], _name(number, x), relative, int(at.size),
-                    float(x[at].min()), float(x[at].max()), float(off.mean()), float(off[k]),
-                    float(x[at][k]),
-                )
-            )  # fmt: skip
-    if not found:
+            branch = _name(number, _way(reference.columns)[measured])
+            names = reference.label, what, both[0], branch, relative
+            of_run = None if own is None else [curves[name][own] for name in (both[0], what)]
+            found.append(_difference(names, x[known], y[known], of_run))
+    if not any(d.num_points for d in found):
         raise InputError(_outside(reference, curves))
     return found
+
+
+def _pairs(reference, curves):
+    """Rows of each measured branch, and of that of the run; None where the run has none."""
+    of_run = branches_of(curves)
+    name = next(name for name in ("strain", "stress", "p") if name in reference.columns)
+    pairs = []
+    for measured, own in zip_longest(reference.branches, of_run[: len(reference.branches)]):
+        if own is not None and name in curves:
+            senses = _sense(reference.columns[name][measured]), _sense(curves[name][own])
+            own = own if np.prod(senses) >= 0 else None
+        pairs.append((measured, own))
+    return pairs
+
+
+def _difference(names, x, y, of_run):
+    """:class:`Difference` of a branch from its points and those of the run, None without any."""
+    relative = names[-1]
+    at, value = (np.array([], dtype=int), np.array([])) if of_run is None else _within(x, *of_run)
+    why = BEYOND if of_run is not None else NO_BRANCH
+    reasons, inside = [(len(x) - len(at), why)], len(at)
+    if relative:
+        counts = np.abs(y[at]) > COUNTS * np.abs(y[at]).max(initial=0.0)
+        at, value = at[counts], value[counts]
+        reasons.append((inside - len(at), f"below {COUNTS:g} of the largest"))
+    left_out = ", ".join(f"{number} {why}" for number, why in reasons if number)
+    if not at.size:
+        return Difference(*names, 0, len(x), left_out)
+    off = value - y[at]
+    off = off / y[at] if relative else off
+    k = int(np.argmax(np.abs(off)))
+    return Difference(
+        *names, int(at.size), len(x), left_out, float(x[at].min()), float(x[at].max()),
+        float(off.mean()), float(off[k]), float(x[at][k]),
+    )  # fmt: skip
 
 
 def values_beside(reference: ReferenceCurves, curves: Mapping[str, np.ndarray]):
@@ -285,38 +380,41 @@ def values_beside(reference: ReferenceCurves, curves: Mapping[str, np.ndarray]):
         curves: Of :func:`curves_of_run`.
 
     Returns:
-        dict quantity -> list of floats, one a measured row; nan out of the range of the run.
+        dict quantity -> list of floats, one a measured row; nan wherever the run has no value: out
+        of its range at either end, in branches that it has not, in rows without that strain.
     """
     over = next(name for name in ("strain", "stress", "p") if name in reference.columns)
     found = {over: reference.columns[over]}
     for what in reference.columns:
         if what in curves and what != over:
             found[what] = np.full(len(found[over]), np.nan)
-            for measured, own in zip(reference.branches, branches_of(curves), strict=False):
-                x = reference.columns[over][measured]
-                at, value = _within(x, np.zeros(x.shape), curves[over][own], curves[what][own])
-                found[what][np.arange(len(found[over]))[measured][at]] = value
+            for measured, own in _pairs(reference, curves):
+                if own is not None:
+                    x = reference.columns[over][measured]
+                    at, value = _within(x, curves[over][own], curves[what][own])
+                    found[what][np.arange(len(found[over]))[measured][at]] = value
     return {name: [float(v) for v in values] for name, values in found.items()}
 
 
-def _within(x, y, own_x, own_y):
+def _within(x, own_x, own_y):
     """Numbers of the measured points in the range of a branch of a run, and its values there."""
     sign = 1.0 if own_x[-1] >= own_x[0] else -1.0
     way = sign * own_x
     known = np.isfinite(way) & np.isfinite(own_y)
     way, own_y = way[known], own_y[known]
-    on = way >= np.maximum.accumulate(way)  # where it turns back for a moment, it waits
-    way, own_y = way[on], own_y[on]
+    if way.size:  # where it turns back for a moment, it waits
+        on = way >= np.maximum.accumulate(way)
+        way, own_y = way[on], own_y[on]
     if not way.size:
         return np.array([], dtype=int), np.array([])
-    inside = (sign * x >= way[0]) & (sign * x <= way[-1])
-    at = np.flatnonzero(inside & np.isfinite(y))
+    edge = EDGE * (way[-1] - way[0])
+    at = np.flatnonzero((sign * x >= way[0] - edge) & (sign * x <= way[-1] + edge))
     return at, np.interp(sign * x[at], way, own_y)
 
 
 def _name(number, way):
     """Name of a branch: loading, unloading, reloading, unloading 2 and so on."""
-    down = way[-1] < way[0]
+    down = _sense(way) < 0
     if number == 0:
         return "extension" if down else "loading"
     word = "unloading" if down else "reloading"
@@ -325,15 +423,26 @@ def _name(number, way):
 
 def _outside(reference, curves):
     """The line for measured curves that a run does not meet."""
-    for name in ("strain", "stress", "p"):
-        if name in reference.columns and name in curves:
-            parts = [f"{values.min():.4g} to {values.max():.4g} {UNITS[name]}".rstrip()
-                     for values in (reference.columns[name], curves[name])]  # fmt: skip
-            return (
-                f"{name} of {reference.path} = {parts[0]}, expected points in the range of the "
-                f"run, {parts[1]}, with what both have"
-            )
+    measured, own = (
+        {q for q, over, _ in COMPARED if q in c and any(o in c for o in over)}
+        for c in (reference.columns, curves)
+    )
+    name = next((n for n in ("strain", "stress", "p") if n in reference.columns), "")
+    if not measured & own or name not in curves:
+        return (
+            f"{reference.path} has {', '.join(reference.columns)}, expected what the run has too: "
+            f"{', '.join(curves)}"
+        )
+    parts = [
+        f"{values[0]:.4g} to {values[1]:.4g} {UNITS[name]}".rstrip()
+        for values in (
+            (np.nanmin(c[name]), np.nanmax(c[name])) for c in (reference.columns, curves)
+        )
+    ]
+    way = reference.columns[name]
+    turned = np.nanmin(way) < 0.0 and -np.nanmin(way) > np.nanmax(way)
     return (
-        f"{reference.path} has {', '.join(reference.columns)}, expected what the run has too: "
-        f"{', '.join(curves)}"
+        f"{name} of {reference.path} = {parts[0]}, expected points in the range of the run, "
+        f"{parts[1]}, of branches that go the same way"
+        + (": compression is positive, here and in the run" if turned else "")
     )

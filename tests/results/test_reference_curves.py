@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.results.reference_curves import branches_of, differences, read_reference
+from mufe_fenicsx.results.reference_curves import (
+    branches_of,
+    differences,
+    read_reference,
+    values_beside,
+)
 from mufe_fenicsx.scene.reference import Column, Reference
 
 
@@ -45,8 +50,11 @@ HEAD = "strain [%], stress [MPa]\n"
     [
         ("strian [%], stress [MPa]\n0, 1\n", "line 1: \"strian\" is not a known column, expected"),
         ("strain, stress [MPa]\n0, 1\n", "line 1: strain has no unit, expected one behind"),
-        ("strain [%], stress [-]\n0, 1\n", "line 1: stress = \"1 -\", expected a stress such as"),
-        ("strain [mm], stress [MPa]\n0, 1\n", "line 1: strain = \"1 mm\", expected a number"),
+        ("strain [%], stress [-]\n0, 1\n", "line 1: stress has the unit \"-\", expected one of"),
+        ("strain [mm], stress [MPa]\n0, 1\n", "line 1: strain has the unit \"mm\", expected one"),
+        ("strain [%], stress [kPas]\n0, 1\n", "has the unit \"kPas\", expected one of [Pa], [kPa]"),
+        ("strain [%];stress [MPa]\n0,1;1,5\n", "line 1 is separated by semicolons, expected com"),
+        ("strain [%], stress [MPa]\n0, \n1,\n", "stress has no number, expected one at least"),
         ("strain [%], stress [MPa], sigma1 [MPa]\n0, 1, 1\n", "stress is there twice, expected"),
         ("strain [%], porosity [-]\n0, 1\n", "line 2: void_ratio is not finite, expected"),
         ("strain [%]\n0\n", "line 1: strain, expected columns to compare, such as strain and"),
@@ -123,5 +131,53 @@ def test_a_curve_out_of_reach_is_one_line(tmp_path):
         differences(given, cycle())
     assert str(error.value) == (
         f"strain of {given.path} = 0.05 to 0.06, expected points in the range of the run, "
-        "0 to 0.03, with what both have"
+        "0 to 0.03, of branches that go the same way"
     )
+    turned = read_reference(written(tmp_path, HEAD + "0, 0\n-1, -1\n-2, -2\n"))
+    with pytest.raises(InputError, match="the same way: compression is positive, here and in the"):
+        differences(turned, cycle())
+
+
+def test_units_are_whole_words_and_cells_may_be_empty(tmp_path):
+    """1 kN/m² = 1 kPa and 1 N/mm² = 1 MPa; an empty cell takes no number from other columns."""
+    text = "strain (%), stress [kN/m^2], q [N/mm²]\n0, 100,\n, 200, 1\n2,,2\n"
+    found = read_reference(written(tmp_path, text)).columns
+    np.testing.assert_array_equal(found["strain"], [0, np.nan, 0.02])
+    np.testing.assert_array_equal(found["stress"], [1e5, 2e5, np.nan])
+    np.testing.assert_array_equal(found["q"], [np.nan, 1e6, 2e6])
+
+
+@pytest.mark.parametrize("header", ["void ratio", "void ratio [-]", "void  ratio[-]"])
+def test_a_header_is_found_with_and_without_its_bracket(tmp_path, header):
+    """Columns that are not listed keep their own names, and others are left aside."""
+    given = written(tmp_path, "strain [%], void ratio [-], stress [MPa], note\n1, 0.6, 2, x\n")
+    found = read_reference(Reference(given.file, "", {"void_ratio": Column(header)})).columns
+    assert {name: values.tolist() for name, values in found.items()} == {
+        "strain": [0.01], "void_ratio": [0.6], "stress": [2e6],
+    }  # fmt: skip
+
+
+def test_points_that_are_not_compared_are_counted(tmp_path):
+    """The run only loads, from strain 5e-6 on to 0.01: σ = 100 MPa · ε.
+
+    The point at strain 0 is its first row's, as is that at the end its last; two are beyond; of the
+    stress the first is below a tenth of the largest. Unloading has no branch to be compared with.
+    """
+    strain = np.linspace(5e-6, 0.009999, 201)
+    run = {"strain": strain, "stress": 1e8 * strain, "volumetric_strain": strain.copy()}
+    text = "strain [-], stress [Pa], volumetric_strain [-]\n"
+    for e in (0, 0.005, 0.01, 0.011, 0.012, 0.011, 0.01):
+        text += f"{e}, {1e8 * e}, {e}\n"
+    given = read_reference(written(tmp_path, text))
+    found = {(d.quantity, d.branch): d for d in differences(given, run)}
+    counted = {key: (d.num_points, d.num_measured, d.left_out) for key, d in found.items()}
+    absent = (0, 3, "3 of a branch that the run has not")
+    assert counted == {
+        ("stress", "loading"): (2, 5, "2 beyond the run, 1 below 0.1 of the largest"),
+        ("volumetric_strain", "loading"): (3, 5, "2 beyond the run"),
+        ("stress", "unloading"): absent,
+        ("volumetric_strain", "unloading"): absent,
+    }
+    assert found["stress", "unloading"].mean is None
+    values = values_beside(given, run)["volumetric_strain"]
+    np.testing.assert_allclose(values, [5e-6, 0.005, 0.009999, *[np.nan] * 4], rtol=1e-12)

@@ -53,6 +53,8 @@ def results_of(folder, references=()) -> dict:
             continue
         for row in rows:
             name = f"{row.reference}: {row.quantity} of {row.branch}"
+            found[f"{name}, points compared [-]"] = row.num_points
+            found[f"{name}, points measured [-]"] = row.num_measured
             found[f"{name}, mean difference [-]"] = row.mean
             found[f"{name}, largest difference [-]"] = row.largest
     return found
