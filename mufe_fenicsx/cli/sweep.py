@@ -49,18 +49,25 @@ def sweep(
         bool, typer.Option("--slurm", help="Write a job array for SLURM and run nothing.")
     ] = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the sweep in the folder.")
+        bool,
+        typer.Option(
+            "--resume",
+            help="Go on with the sweep in the folder, whose parameters need not be given.",
+        ),
     ] = False,
     json: Json = None,
 ):
     """Run a scene with many parameters; one table and one report over all runs."""
     serial_only("sweep")
     printer = Printer(json)
-    from ..planning.sweep.plan import make_sweep, open_folder
+    from ..planning.sweep.plan import kept_sweep, make_sweep, open_folder
     from ..planning.sweep.runs import make_packings
 
     folder = Path("sweeps") / scene.stem if output is None else output
-    made = make_sweep(scene, changes or [], table, samples, seed, grains)
+    if resume and not changes and table is None and samples is None:
+        made = kept_sweep(scene, folder, grains)
+    else:
+        made = make_sweep(scene, changes or [], table, samples, seed, grains)
     open_folder(folder, made, resume)
     with progress_bar("packing") as progress:
         places = make_packings(made, folder, progress)

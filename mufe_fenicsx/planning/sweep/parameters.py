@@ -207,6 +207,8 @@ def _check_number(text, name):
 def table_text(rows):
     """The same table of those parameters that are numbers; "" where there are none.
 
+    Comments name the others, which such a table cannot hold.
+
     Args:
         rows: List of dicts name -> text.
     """
@@ -215,5 +217,8 @@ def table_text(rows):
     if not kept:
         return ""
     lines = [f"# {' '.join(kept)}"]
+    for name in (name for name in numbers if name not in kept):
+        texts = dict.fromkeys(row[name] for row in rows)
+        lines.append(f"# no number, to be given beside this table: --set {name}={','.join(texts)}")
     lines += [" ".join(map(repr, row)) for row in zip(*kept.values(), strict=True)]
     return "\n".join(lines) + "\n"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ...errors import InputError, shown
 from ...machine.files import check_place, reason, regular, write_atomically
+from ...results.reference_curves import read_reference
 from ...scene import Scene, load_scene
 from ...scene.values import build
 from ...synthetic.rigid_packing.settings import PackSettings
@@ -89,9 +90,31 @@ def make_sweep(scene, changes, table=None, num_samples=None, seed=0, grains=None
     blocks = [[{name: text} for text in texts] for name, texts in lists.items()]
     whole = product(rows, samples, *blocks)
     if not whole[0]:
-        raise InputError("no parameter is given, expected --set name=value,value or --table")
+        raise InputError(
+            "no parameter is given, expected --set name=value,value or --table, or --resume to "
+            "take those of the folder"
+        )
     sweep = Sweep(Path(scene), whole, grains, described if len(whole) == len(rows) else None)
     _check(sweep, ranges)
+    return sweep
+
+
+def kept_sweep(scene, folder, grains=None) -> Sweep:
+    """The sweep that a folder keeps, to go on with it.
+
+    Args:
+        scene: Scene file.
+        folder: Of the sweep.
+        grains: As of :func:`make_sweep`; None: as the folder says.
+
+    Raises:
+        InputError: The folder is that of no sweep, or its runs cannot begin any more.
+    """
+    kept = _kept(Path(folder) / KEPT)
+    place = grains or (None if kept["grains"] is None else Path(kept["grains"]))
+    rows = [{key: text for key, text in row.items() if key != "name"} for row in kept["runs"]]
+    sweep = Sweep(Path(scene), rows, place, kept.get("described"))
+    _check(sweep, [])
     return sweep
 
 
@@ -99,6 +122,7 @@ def _check(sweep: Sweep, ranges: list[Range]) -> None:
     """Raise InputError unless each run can begin; its scene and packing are what they have to be.
 
     Ends of ranges are tried as they are written, so that a unit of another dimension is seen.
+    Measured curves that the scene names are read.
     """
     for key in sweep.rows[0]:
         if key.startswith(IDLE):
@@ -111,6 +135,8 @@ def _check(sweep: Sweep, ranges: list[Range]) -> None:
         _check_row(Sweep(sweep.scene, [first], sweep.grains, None), 0)
     for number in range(len(sweep.rows)):
         _check_row(sweep, number)
+    for reference in sweep.load(0).references:
+        read_reference(reference)
 
 
 def _check_row(sweep, number):
@@ -140,7 +166,13 @@ def pack_settings(packing):
         value = values.get(name)  # whole numbers of tables have fractions
         if int in key.kinds and isinstance(value, float) and value.is_integer():
             values[name] = int(value)
-    return source, spheres, build(PackSettings, values, lambda key: f"{PACK}{key}")
+    settings = build(PackSettings, values, lambda key: f"{PACK}{key}")
+    if settings.count is None and settings.container is None:
+        raise InputError(
+            f"{PACK}count is missing, expected a number of grains, or {PACK}box or {PACK}cylinder "
+            "to fill"
+        )
+    return source, spheres, settings
 
 
 def _value(text):
@@ -177,22 +209,34 @@ def _identity(sweep):
     return {
         "scene": sweep.scene.read_text(encoding="utf-8-sig"),
         "grains": None if sweep.grains is None else str(sweep.grains.resolve()),
+        "described": sweep.described,
         "runs": [{"name": name, **row} for name, row in zip(sweep.names, sweep.rows, strict=True)],
     }
 
 
 def _check_same(path, now):
     """Raise InputError unless a sweep is the one that a folder keeps."""
-    try:
-        then = json.loads(regular(path).read_text(encoding="utf-8"))
-        differs = next((name for name in now if now[name] != then.get(name)), None)
-    except (OSError, ValueError, AttributeError) as error:
-        raise InputError(
-            f"{path} cannot be read ({reason(error)}), expected the folder of a sweep to resume"
-        ) from error
+    then = _kept(path)
+    differs = next((name for name in now if now[name] != then.get(name)), None)
     if differs is not None:
         what = {"scene": "the scene was changed", "grains": "the grains are others"}
         raise InputError(
             f"{what.get(differs, 'the parameters are others')} since the sweep in {path.parent} "
             "began, expected what it began with: another sweep needs a new folder"
         )
+
+
+def _kept(path):
+    """What a folder keeps of its sweep.
+
+    Raises:
+        InputError: It keeps none.
+    """
+    try:
+        kept = json.loads(regular(path).read_text(encoding="utf-8"))
+        if kept["runs"] and "grains" in kept:
+            return kept
+        why = "it has no runs"
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        why = reason(error)
+    raise InputError(f"{path} cannot be read ({why}), expected the folder of a sweep to resume")

@@ -50,6 +50,9 @@ def make_packings(sweep: Sweep, folder, progress=None) -> list:
 
     Returns:
         List of paths, None of runs whose grains are those of the scene.
+
+    Raises:
+        Interrupted: A signal came.
     """
     places, found = {}, []
     for number in range(len(sweep.rows)):
@@ -62,7 +65,11 @@ def make_packings(sweep: Sweep, folder, progress=None) -> list:
             from ...synthetic.rigid_packing.pipeline import pack
 
             source, spheres, settings = pack_settings(packing)
-            pack(source, settings, place, spheres=spheres, progress=progress)
+            try:
+                pack(source, settings, place, spheres=spheres, progress=progress)
+            except (KeyboardInterrupt, Interrupted) as error:
+                number = getattr(error, "signal", signal.SIGINT)
+                raise _interrupted(number) from error
         found.append(place / "grains")
     return found
 
@@ -135,13 +142,15 @@ class Runner:
         """Where a signal came, let the runs write checkpoints and leave."""
         if not self._signal:
             return
-        for process in self._running.values():
+        ended = _interrupted(self._signal)
+        for number, process in self._running.items():
+            with _log_of(self.folder, self.sweep.names[number]).open("a") as file:
+                file.write(f"the sweep was {ended}; it ends this run by {TO_END.name}\n")
             process.send_signal(TO_END)
         for process in self._running.values():
             process.wait()
         self._running.clear()
-        name = signal.Signals(self._signal).name
-        raise Interrupted(f"stopped by {name}; --resume goes on with the sweep", self._signal)
+        raise ended
 
     def _begin(self, number):
         """Begin a run unless another process writes into its folder; whether it has begun."""
@@ -160,9 +169,10 @@ class Runner:
             command = [find_mpirun(), "-n", str(self.num_ranks), *command]
         word = "goes on" if "--resume" in arguments else "begins"
         self.say(f"run {name} {word}: {self.sweep.words(number)}")
-        log = self.folder / "logs" / f"{name}.log"
+        log = _log_of(self.folder, name)
         log.parent.mkdir(exist_ok=True)
-        with log.open("w", encoding="utf-8") as file:
+        log.unlink(missing_ok=True)
+        with log.open("a", encoding="utf-8") as file:  # the sweep may add lines of its own
             self._running[number] = subprocess.Popen(  # noqa: S603  words of our own, no shell
                 command, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT,
                 env=environment_without_launcher(), start_new_session=True,
@@ -182,8 +192,19 @@ class Runner:
             if free_to_write(folder_of(self.folder, name)):  # another process was quicker
                 self._todo.insert(0, number)
                 continue
-            self.failed[number] = _last_line(self.folder / "logs" / f"{name}.log")
+            self.failed[number] = _last_line(_log_of(self.folder, name))
             self.say(f"run {name} failed, status {process.returncode}: {self.failed[number]}")
+
+
+def _log_of(folder, name):
+    """What a run prints."""
+    return Path(folder) / "logs" / f"{name}.log"
+
+
+def _interrupted(number):
+    """The error that ends a sweep on a signal."""
+    name = signal.Signals(number).name
+    return Interrupted(f"stopped by {name}; --resume goes on with the sweep", number)
 
 
 def _last_line(path):

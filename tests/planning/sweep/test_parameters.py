@@ -67,11 +67,12 @@ def test_the_product_has_each_pair_once():
 
 
 def test_a_table_is_read_as_it_is_written(tmp_path):
-    """The numbers that it has are those of the texts; what is no number has no column."""
+    """The numbers that it has are those of the texts; what is no number is in a comment."""
     rows = [{"contact.friction": "0.1", "material.E": "50 GPa", "sample.grains": "a"},
             {"contact.friction": "0.4", "material.E": "7e10", "sample.grains": "b"}]  # fmt: skip
     text = table_text(rows)
-    assert text == "# contact.friction material.E\n0.1 50000000000.0\n0.4 70000000000.0\n"
+    comment = "# no number, to be given beside this table: --set sample.grains=a,b\n"
+    assert text == f"# contact.friction material.E\n{comment}0.1 50000000000.0\n0.4 70000000000.0\n"
     path = tmp_path / "t.txt"
     path.write_text(text)
     found, described = read_table(path)

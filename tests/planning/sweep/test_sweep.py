@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pandas
@@ -18,7 +19,7 @@ from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.errors import InputError, Interrupted
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.planning.sweep import runs
-from mufe_fenicsx.planning.sweep.plan import make_sweep, open_folder
+from mufe_fenicsx.planning.sweep.plan import kept_sweep, make_sweep, open_folder
 from mufe_fenicsx.planning.sweep.results import (
     results_of,
     table_of,
@@ -27,6 +28,7 @@ from mufe_fenicsx.planning.sweep.results import (
 )
 from mufe_fenicsx.planning.sweep.runs import Runner, folder_of, make_packings
 from mufe_fenicsx.planning.sweep.slurm import write_array
+from mufe_fenicsx.synthetic.rigid_packing import pipeline
 from tests.bodies import RADIUS, packed_grains
 from tests.cli.commands import FROM_HERE
 from tests.made_up_run import write_whole_run
@@ -68,6 +70,7 @@ def scene(tmp_path):
         (["contact.friction=0.1:0.2"], {}, "contact.friction = 0.1:0.2 is a range, expected --sam"),
         (["contact.friction=0.1"], {"num_samples": 2}, "--samples 2, expected a range such as"),
         (["mesh.size=5 um,6 um"], {}, "mesh.size is a parameter, expected one that changes a run"),
+        (["pack.seed=1,2"], {}, "pack.count is missing, expected a number of grains, or pack.box"),
         (["pack.cuont=5"], {}, "pack.cuont = 5 is not a known key, expected pack.count"),
         (["pack.spheres=1"], {}, "pack.spheres = 1, expected true or false"),
         (["pack.count=5"], {"grains": Path("g")}, "--grains beside pack.count, expected one"),
@@ -85,6 +88,25 @@ def test_a_scene_without_grains_is_refused(scene):
         make_sweep(scene, ["contact.friction=0.1"])
 
 
+def test_a_measured_curve_that_cannot_be_read_is_told_before_anything_is_made(scene):
+    scene.write_text(SCENE + '[[reference]]\nfile = "absent.csv"\n')
+    with pytest.raises(InputError, match=r"absent\.csv cannot be read"):
+        make_sweep(scene, ["contact.friction=0.1"])
+
+
+def test_an_interrupt_while_packing_says_how_to_go_on(scene, tmp_path, monkeypatch):
+    """Ctrl-C, and a request to end of which the new folder has told."""
+    sweep = make_sweep(scene, ["pack.count=4"])
+    for error, name in (
+        (KeyboardInterrupt(), "SIGINT"),
+        (Interrupted("stopped by SIGTERM, nothing is left", signal.SIGTERM), "SIGTERM"),
+    ):
+        monkeypatch.setattr(pipeline, "pack", Mock(side_effect=error))
+        with pytest.raises(Interrupted, match=f"stopped by {name}; --resume goes on") as caught:
+            make_packings(sweep, tmp_path)
+        assert caught.value.signal == signal.Signals[name]
+
+
 def test_a_folder_is_that_of_one_sweep(scene, tmp_path):
     """Resumed with the same scene and parameters alone; nothing is written over."""
     two, folder = make_sweep(scene, ["contact.friction=0.1,0.2"]), tmp_path / "out"
@@ -95,6 +117,7 @@ def test_a_folder_is_that_of_one_sweep(scene, tmp_path):
     open_folder(folder, two, resume=True)
     with pytest.raises(InputError, match="is not empty, expected a new one, or --resume"):
         open_folder(folder, two, resume=False)
+    assert kept_sweep(scene, folder) == two
     with pytest.raises(InputError, match="the parameters are others since the sweep in"):
         open_folder(folder, make_sweep(scene, ["contact.friction=0.1"]), resume=True)
     scene.write_text(SCENE.replace("speed = 20", "speed = 21"))
@@ -147,6 +170,7 @@ def test_three_by_two_runs_killed_and_resumed(scene, tmp_path, stand_in):
     with pytest.raises(Interrupted, match="stopped by SIGTERM; --resume goes on with the sweep"):
         Runner(sweep, folder, [None] * 6, say=said.append).run_all(jobs=1)
     assert calls(folder) == ["001 new", "002 new", "003 new"]
+    assert (folder / "logs" / "003.log").read_text().startswith("the sweep was stopped by SIGTERM;")
     # Another one was killed before it had a checkpoint.
     folder_of(folder, "004").mkdir()
     runner = Runner(sweep, folder, [None] * 6, say=said.append)
