@@ -18,7 +18,8 @@ from mufe_fenicsx.report.figure import Drawing, file_name
 from mufe_fenicsx.report.network import between_grains
 from mufe_fenicsx.report.reference import about as about_measured
 from mufe_fenicsx.report.reference import draw_measured
-from mufe_fenicsx.report.run_names import UNITS, YIELD, differences, value_text
+from mufe_fenicsx.report.run_names import MOST, UNITS, YIELD, differences, value_text, words
+from mufe_fenicsx.units import base_number
 
 #: Stresses at a strain are means over this part of the largest one to both sides.
 HALF_WINDOW = 0.02
@@ -31,6 +32,8 @@ CHECKED = {
     "load": "Stress lost over stress added",
 }
 
+#: A number that says nothing by its size: its points are not joined.
+SEED = "pack.seed"
 #: So many runs have a line of the legend each.
 FEW = 8
 #: Parts of the strain at which stresses are compared.
@@ -133,37 +136,40 @@ def draw_forces(sources, names):
 
 
 def draw_parameter(sources, names):
-    """Stress at four strains against the number in which the scenes differ.
+    """Stress at four strains against the first number in which the scenes differ.
+
+    Where they differ in more, points of the same strain are joined where all else is the same.
 
     Raises:
-        InputError: they differ in more than one thing, or in none, or not in a number.
+        InputError: they differ in more than three things, or in none, or not in a number.
     """
     found = differences(sources)
-    key = next(iter(found), "")
-    values = [_number_of(key, value) for value in found.get(key, ())]
-    if len(found) != 1 or None in values:
-        raise InputError("their scenes differ in more than one number, or in none")
-    order = np.argsort(values)
+    numbers = {key: [_number_of(key, v) for v in values] for key, values in found.items()}
+    numeric = sorted((k for k in numbers if None not in numbers[k]), key=lambda k: k == SEED)
+    if not numeric or len(found) > MOST:
+        raise InputError(f"their scenes differ in more than {MOST} things, or in no number")
+    key, others = numeric[0], [k for k in found if k != numeric[0]]
     last = min(source.loading["strain"].max() for source in sources)
     if not last > 0:
         raise InputError("their vertical strain does not grow")
+    order = np.argsort(numbers[key], kind="stable")
     strains = last * np.arange(1, 5) / 4
     stress = np.array(
         [_stress_at(*_course(source.loading, "strain"), strains, last) for source in sources]
     )[order]
-    values = np.array(values)[order]
+    values = np.array(numbers[key])[order]
+    alike = [", ".join(words(k, found[k][i]) for k in others) for i in order]
     unit = "Pa" if key == YIELD else UNITS.get(key.rsplit(".", 1)[-1], "")
     scale, prefixed = style.unit_of(values, unit) if unit else (1.0, "–")
     factor, stress_unit = style.unit_of(stress, "Pa")
     figure, axis = style.new_figure()
+    _plot_points(axis, values / scale, stress / factor, alike, strains, joined=key != SEED)
     columns = {f"{key} [{unit or '-'}]": values}
-    for k, strain in enumerate(strains):
-        axis.plot(
-            values / scale, stress[:, k] / factor, style.MARKERS[k] + style.LINES[k],
-            color=style.SERIES[k], markersize=4,
-            label=rf"$\varepsilon$ = {style.strain(strain)}",
-        )  # fmt: skip
-        columns[f"vertical stress at strain {strain:.4g} [Pa]"] = stress[:, k]
+    columns |= {k: [value_text(k, found[k][i]) for i in order] for k in others}
+    columns |= {
+        f"vertical stress at strain {strain:.4g} [Pa]": stress[:, k]
+        for k, strain in enumerate(strains)
+    }
     name = "Yield stress" if key == YIELD else key
     axis.set(xlabel=f"{name}: {prefixed}", ylabel=f"{STRESS}: {stress_unit}")
     axis.set_ylim(bottom=0)
@@ -173,15 +179,47 @@ def draw_parameter(sources, names):
         figure,
         f"Runs compared: vertical stress at four strains against {name.lower()}",
         f"Each point is the mean over {style.strain(2 * HALF_WINDOW * last)} of strain. "
-        + ("The yield stress is that without plastic strain. " if key == YIELD else ""),
+        + ("The yield stress is that without plastic strain. " if key == YIELD else "")
+        + (f"Lines join runs that are alike in all else: {', '.join(others)}. " if others else ""),
         {"": columns},
     )
+
+
+def _plot_points(axis, values, stress, alike, strains, joined):
+    """Points of each strain in a colour; those of runs alike in all else have a line and marker.
+
+    Args:
+        axis: To draw into.
+        values: Of the parameter, growing, shape (num_runs,).
+        stress: Shape (num_runs, 4).
+        alike: What else differs, in words; runs with the same are joined.
+        strains: Shape (4,).
+        joined: Whether there are lines at all.
+    """
+    groups = {words: np.array([a == words for a in alike]) for words in dict.fromkeys(alike)}
+    named = 1 < len(groups) <= FEW
+    for number, (group, rows) in enumerate(groups.items()):
+        for k, strain in enumerate(strains):
+            look = number if named else k
+            axis.plot(
+                values[rows], stress[rows, k],
+                style.MARKERS[look % len(style.MARKERS)],
+                linestyle=style.LINES[look % 4] if joined and rows.sum() > 1 else "none",
+                color=style.SERIES[k], markersize=4,
+                label=None if number else rf"$\varepsilon$ = {style.strain(strain)}",
+            )  # fmt: skip
+        if named:
+            axis.plot([], [], style.MARKERS[number % len(style.MARKERS)], label=group,
+                      linestyle=style.LINES[number % 4] if joined and rows.sum() > 1 else "none",
+                      color=style.BLACK, markersize=4)  # fmt: skip
 
 
 def _number_of(key, value):
     """The number that a value of a scene stands for; None where it is none."""
     if key == YIELD and value:
         return float(value[0][1])
+    if isinstance(value, str):
+        return base_number(value)
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(value) if is_number else None
 

@@ -8,11 +8,12 @@ from mufe_fenicsx.report import style
 #: Tables and keys of a scene that say nothing of the physics.
 OF_NO_INTEREST = ("title", "image", "output", "reference", "sample.grains")
 #: So many differences fit into a name, and so many letters.
-MOST, LONGEST = 2, 60
+MOST, LONGEST = 3, 60
 #: Keys whose values have a unit, by their last word.
-UNITS = {"E": "Pa", "speed": "m/s", "size": "m", "seating_stress": "Pa", "seating_speed": "m/s"}
+UNITS = {"E": "Pa", "speed": "m/s", "size": "m", "seating_stress": "Pa", "seating_speed": "m/s",
+         "element_size": "m", "d50": "m"}  # fmt: skip
 YIELD = "material.yield_stress"
-MESH, TETRAHEDRA = "mesh.", "tetrahedra"
+MESH, PACK, TETRAHEDRA = "mesh.", "pack.", "tetrahedra"
 
 
 def name_runs(sources):
@@ -34,7 +35,7 @@ def name_runs(sources):
     if not 1 <= len(found) <= MOST:
         return by_folder
     names = [
-        ", ".join(_words(key, value) for key, value in zip(found, values, strict=True))
+        ", ".join(words(key, value) for key, value in zip(found, values, strict=True))
         for values in zip(*found.values(), strict=True)
     ]
     fit = len(set(names)) == len(names) and max(map(len, names)) <= LONGEST
@@ -42,7 +43,7 @@ def name_runs(sources):
 
 
 def differences(sources):
-    """What differs in the scenes of runs, and in meshes; empty where one has no scene.
+    """What differs in scenes of runs, their packings and meshes; empty where one has no scene.
 
     Args:
         sources: List of :class:`mufe_fenicsx.report.source.Source`.
@@ -51,14 +52,14 @@ def differences(sources):
         dict of a key such as "contact.friction" -> its value in each run, None where not set.
     """
     try:
-        scenes = [_flat(source.run.scene) for source in sources]
+        scenes = [_flat(source.run.scene) | source.packing for source in sources]
     except InputError:
         return {}
     keys = dict.fromkeys(key for scene in scenes for key in scene)
     found = {key: [scene.get(key) for scene in scenes] for key in keys}
     found[TETRAHEDRA] = [source.summary.get("num_cells") for source in sources]
     found = {key: values for key, values in found.items() if len(set(map(str, values))) > 1}
-    if any(key.startswith(MESH) for key in found):  # says it already
+    if any(key.startswith((MESH, PACK)) for key in found):  # says it already
         found.pop(TETRAHEDRA, None)
     return found
 
@@ -74,7 +75,8 @@ def _flat(table, before=""):
     return found
 
 
-def _words(key, value):
+def words(key, value):
+    """The last word of a key and its value: "friction 0.1"."""
     if key == YIELD and value:
         return f"yield {style.quantity(value[0][1], 'Pa')}"
     return f"{key.rsplit('.', 1)[-1]} {value_text(key, value)}"

@@ -79,17 +79,21 @@ class Source:
         points: Places whose course is shown [m], shape (num_points, 3); None: two by stress.
         chain_angle: Of force chains [degrees].
         overlays: Files of measured curves, beside those that the scene names.
+        packing: Settings of its packing by name, such as "pack.seed", where they are known.
 
     Raises:
         InputError: There is no run; from each attribute, that it cannot be had.
     """
 
-    def __init__(self, folder, grains=None, points=None, chain_angle=45.0, overlays=()):
+    def __init__(
+        self, folder, grains=None, points=None, chain_angle=45.0, overlays=(), packing=None
+    ):
         self.run = ReadableRun(folder)
         self.run.chain_angle = chain_angle
         self.folder = self.run.path
         self._grains, self._points = grains, points
         self.overlays = tuple(map(Path, overlays))
+        self.packing = packing or {}
         self._probe = None
 
     @property

@@ -60,7 +60,8 @@ def write_report(
     early, or lacks files, gives a report of what is there, which says what is not.
 
     Args:
-        runs: Folder that ``mufe run`` wrote, or a list of them.
+        runs: Folder that ``mufe run`` wrote, or a list of them; or a dict of folders with the
+            settings of their packings, dict name -> value, which tell runs apart too.
         output: Folder of the report; None: the run's own, or ``comparison`` beside the first.
         grains: Labels of the grains that are shown one by one; None: three by their stress.
         points: Places [m] whose course is shown, shape (num_points, 3); None: two by stress.
@@ -99,7 +100,8 @@ def write_report(
         twice = [f for k, f in enumerate(folders) if f.resolve() in _resolved(folders[:k])]
         if twice:
             raise InputError(f"run folder {twice[0]} is given twice, expected different runs")
-        report = _Comparison(folders, output, wanted, overlays)
+        packings = list(runs.values()) if isinstance(runs, dict) else [{}] * len(folders)
+        report = _Comparison(dict(zip(folders, packings, strict=True)), output, wanted, overlays)
     report.more_tables = list(tables)
     return report.write()
 
@@ -317,10 +319,11 @@ def _not_of_this_test(source):
 class _Comparison(_Report):
     """The report of several runs."""
 
-    def __init__(self, folders, output, wanted, overlays):
-        super().__init__(folders[0].parent / "comparison" if output is None else output)
+    def __init__(self, packings, output, wanted, overlays):
+        super().__init__(next(iter(packings)).parent / "comparison" if output is None else output)
         self.sources, self.wanted = [], wanted
-        for source in (Source(folder, overlays=overlays) for folder in folders):
+        for folder, packing in packings.items():
+            source = Source(folder, overlays=overlays, packing=packing)
             name = source.folder.resolve().name
             self.missing += [f"{name}: {sentence}" for sentence in missing_of(source)]
             try:

@@ -158,7 +158,7 @@ def pack_settings(packing):
     Raises:
         InputError: One is no setting of `mufe pack`, or of another type.
     """
-    values = {key.removeprefix(PACK): _value(text) for key, text in packing}
+    values = {key.removeprefix(PACK): value_of(text) for key, text in packing}
     source, spheres = values.pop(SOURCE, None), values.pop(SPHERES, False)
     if not isinstance(spheres, bool):
         raise InputError(f"{PACK}{SPHERES} = {shown(spheres)}, expected true or false")
@@ -175,7 +175,7 @@ def pack_settings(packing):
     return source, spheres, settings
 
 
-def _value(text):
+def value_of(text):
     """A value of TOML, or the text itself."""
     try:
         return tomllib.loads(f"value = {text}")["value"]

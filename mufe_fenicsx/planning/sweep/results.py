@@ -16,7 +16,7 @@ from ...results.reference_curves import (
     values_beside,
 )
 from ...units import base_number
-from .plan import Sweep
+from .plan import Sweep, value_of
 from .runs import folder_of, is_finished
 
 #: The table of all runs, and the folder of files of an outer loop.
@@ -144,7 +144,11 @@ def write_sweep_report(sweep: Sweep, rows, folder) -> str | None:
     """
     from ...report import write_report
 
-    runs = [folder_of(folder, row["run"]) for row in rows if "peak stress [Pa]" in row]
+    runs = {
+        folder_of(folder, row["run"]): {k: value_of(text) for k, text in sweep.packing(number)}
+        for number, row in enumerate(rows)
+        if "peak stress [Pa]" in row
+    }
     if not runs:
         return None
     table = (f"The sweep ({TABLE})", *shown_table(sweep, rows))

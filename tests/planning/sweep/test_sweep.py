@@ -19,7 +19,7 @@ from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.errors import InputError, Interrupted
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.planning.sweep import runs
-from mufe_fenicsx.planning.sweep.plan import kept_sweep, make_sweep, open_folder
+from mufe_fenicsx.planning.sweep.plan import kept_sweep, make_sweep, open_folder, value_of
 from mufe_fenicsx.planning.sweep.results import (
     results_of,
     table_of,
@@ -28,10 +28,14 @@ from mufe_fenicsx.planning.sweep.results import (
 )
 from mufe_fenicsx.planning.sweep.runs import Runner, folder_of, make_packings
 from mufe_fenicsx.planning.sweep.slurm import write_array
+from mufe_fenicsx.report import style
+from mufe_fenicsx.report.compare import draw_parameter
+from mufe_fenicsx.report.run_names import name_runs
+from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.synthetic.rigid_packing import pipeline
 from tests.bodies import RADIUS, packed_grains
 from tests.cli.commands import FROM_HERE
-from tests.made_up_run import write_whole_run
+from tests.made_up_run import fake_history, write_history, write_whole_run
 
 SCENE = """
 [sample]
@@ -284,6 +288,7 @@ def test_table_report_and_files_have_what_the_runs_have(scene, tmp_path, monkeyp
     assert table[0]["modulus of loading [Pa]"] == pytest.approx(slope, rel=1e-9)
     mean = table[0]["lab: stress of loading, mean difference [-]"]
     assert mean == pytest.approx(0.1, abs=1e-12)
+    assert table[0]["lab: stress of loading, points measured [-]"] == len(strain)
     assert pandas.read_csv(folder / "table.csv")["run"].tolist() == [1, 2]
     # Pictures stay empty: what is asked is what the page says.
     monkeypatch.setattr(Figure, "savefig", lambda figure, path, **options: Path(path).touch())
@@ -298,6 +303,34 @@ def test_table_report_and_files_have_what_the_runs_have(scene, tmp_path, monkeyp
     np.testing.assert_allclose(simulated["stress"], stress, rtol=1e-12)
     parameters = (folder / "grainlearning" / names[3]).read_text()
     assert parameters == "# contact.friction material.E\n0.2 50000000000.0\n"
+
+
+def test_runs_of_friction_and_seed_are_named_and_joined_by_both(scene, tmp_path):
+    """Stress = 1, 2, 3, 4 times that of the first: friction 0.1 seed 1, seed 2, then 0.2."""
+    changes = ["contact.friction=0.1,0.2", "pack.count=4", "pack.seed=1,2"]
+    sweep = make_sweep(scene, changes)
+    sources = []
+    for number, name in enumerate(sweep.names):
+        own = folder_of(tmp_path, name)
+        own.mkdir(parents=True)
+        history = fake_history(60)
+        history["stress"] = (1 + number) * history["stress"]
+        write_history(own, history)
+        text = SCENE.replace("0.23", sweep.changes(number)["contact.friction"])
+        (own / "scene.toml").write_text(text)
+        packing = {key: value_of(text) for key, text in sweep.packing(number)}
+        sources.append(Source(own, packing=packing))
+    names = name_runs(sources)
+    assert names == [f"friction {f}, seed {s}" for f in (0.1, 0.2) for s in (1, 2)]
+    with style.look():
+        drawing = draw_parameter(sources, names)
+    columns = drawing.tables[""]
+    assert columns["contact.friction [-]"].tolist() == [0.1, 0.1, 0.2, 0.2]
+    assert columns["pack.seed"] == ["1", "2", "1", "2"]
+    lines = [line.get_xdata().tolist() for line in drawing.figure.axes[0].lines]
+    assert [x for x in lines if len(x)] == [[0.1, 0.2]] * 8  # two seeds at four strains
+    shown = [text.get_text() for text in drawing.figure.axes[0].get_legend().get_texts()]
+    assert {"seed 1", "seed 2"} <= set(shown)
 
 
 def test_a_run_that_has_not_loaded_has_no_numbers(tmp_path):
