@@ -59,9 +59,10 @@ COMPARED = (
 )
 #: A branch ends where the strain, or stress, turns back by more than this part of its range.
 TURN = 0.02
-#: Points beyond a branch of a run by less than this part of its range count as at its end: the
-#: first row of a run is a few steps after strain 0, its last one about a step from what was asked.
-EDGE = 2e-3
+#: Points beyond a branch of a run by less than this part of its range count as at its end, which is
+#: about a step from what was asked; before the first row of the run by less than START, since that
+#: row is some way after strain 0.
+EDGE, START = 2e-3, 0.02
 #: Why points are not compared.
 BEYOND, NO_BRANCH = "beyond the run", "of a branch that the run has not"
 #: Relative differences count where the measured value exceeds this part of its largest.
@@ -330,7 +331,9 @@ def differences(reference: ReferenceCurves, curves: Mapping[str, np.ndarray]) ->
                 continue
             branch = _name(number, _way(reference.columns)[measured])
             names = reference.label, what, both[0], branch, relative
-            of_run = None if own is None else [curves[name][own] for name in (both[0], what)]
+            of_run = None if own is None else [
+                *(curves[name][own] for name in (both[0], what)), _start(own),
+            ]  # fmt: skip
             found.append(_difference(names, x[known], y[known], of_run))
     if not any(d.num_points for d in found):
         raise InputError(_outside(reference, curves))
@@ -391,12 +394,17 @@ def values_beside(reference: ReferenceCurves, curves: Mapping[str, np.ndarray]):
             for measured, own in _pairs(reference, curves):
                 if own is not None:
                     x = reference.columns[over][measured]
-                    at, value = _within(x, curves[over][own], curves[what][own])
+                    at, value = _within(x, curves[over][own], curves[what][own], _start(own))
                     found[what][np.arange(len(found[over]))[measured][at]] = value
     return {name: [float(v) for v in values] for name, values in found.items()}
 
 
-def _within(x, own_x, own_y):
+def _start(own):
+    """Part of its range by which points may be before a branch of a run."""
+    return EDGE if own.start else START
+
+
+def _within(x, own_x, own_y, start):
     """Numbers of the measured points in the range of a branch of a run, and its values there."""
     sign = 1.0 if own_x[-1] >= own_x[0] else -1.0
     way = sign * own_x
@@ -407,8 +415,8 @@ def _within(x, own_x, own_y):
         way, own_y = way[on], own_y[on]
     if not way.size:
         return np.array([], dtype=int), np.array([])
-    edge = EDGE * (way[-1] - way[0])
-    at = np.flatnonzero((sign * x >= way[0] - edge) & (sign * x <= way[-1] + edge))
+    width = way[-1] - way[0]
+    at = np.flatnonzero((sign * x >= way[0] - start * width) & (sign * x <= way[-1] + EDGE * width))
     return at, np.interp(sign * x[at], way, own_y)
 
 

@@ -158,12 +158,12 @@ def test_a_header_is_found_with_and_without_its_bracket(tmp_path, header):
 
 
 def test_points_that_are_not_compared_are_counted(tmp_path):
-    """The run only loads, from strain 5e-6 on to 0.01: σ = 100 MPa · ε.
+    """The run only loads, from strain 1e-4 on to 0.01: σ = 100 MPa · ε.
 
     The point at strain 0 is its first row's, as is that at the end its last; two are beyond; of the
     stress the first is below a tenth of the largest. Unloading has no branch to be compared with.
     """
-    strain = np.linspace(5e-6, 0.009999, 201)
+    strain = np.linspace(1e-4, 0.009999, 201)
     run = {"strain": strain, "stress": 1e8 * strain, "volumetric_strain": strain.copy()}
     text = "strain [-], stress [Pa], volumetric_strain [-]\n"
     for e in (0, 0.005, 0.01, 0.011, 0.012, 0.011, 0.01):
@@ -180,4 +180,4 @@ def test_points_that_are_not_compared_are_counted(tmp_path):
     }
     assert found["stress", "unloading"].mean is None
     values = values_beside(given, run)["volumetric_strain"]
-    np.testing.assert_allclose(values, [5e-6, 0.005, 0.009999, *[np.nan] * 4], rtol=1e-12)
+    np.testing.assert_allclose(values, [1e-4, 0.005, 0.009999, *[np.nan] * 4], rtol=1e-12)
