@@ -145,7 +145,7 @@ class GrainMesh:
     @cached_property
     def view(self) -> View:
         """The DOLFINx mesh of this version, made when it is first asked for. Collective then."""
-        if self.version == 0:
+        if self.version == 0 and self.first_view is not None:
             return self.first_view
         first_cell = self.comm.exscan(self.num_cells) or 0
         domain = _create_domain(self.comm, self.x, self.cells.astype(np.int64) + self.first_node)
@@ -265,15 +265,20 @@ class GrainMesh:
         beyond = [np.argmin(shared.any(axis=axis), axis=1) for axis in (2, 1)]
         return 4 * pairs + np.stack(beyond, axis=1)
 
+    @property
+    def _nodes_before(self) -> np.ndarray:
+        """Node of the version before that each is a part of, shape (num_nodes,)."""
+        return np.arange(self.num_nodes) if self.source is None else self.source.nodes
+
     @cached_property
     def parted_grains(self) -> np.ndarray:
         """Local grains in which nodes parted in the last growth, increasing."""
-        nodes = self.source.nodes
+        nodes = self._nodes_before
         return np.unique(self.grain_of_node[np.bincount(nodes)[nodes] > 1]).astype(np.int64)
 
     def near_parts(self, num_cells: int) -> np.ndarray:
         """Whether each node parted in the last growth, or is so many cells away. Local."""
-        nodes = self.source.nodes
+        nodes = self._nodes_before
         near = np.bincount(nodes)[nodes] > 1
         rows = self.cells_of(self.parted_grains)
         for _ in range(num_cells):

@@ -386,7 +386,7 @@ def values_beside(reference: ReferenceCurves, curves: Mapping[str, np.ndarray]):
         dict quantity -> list of floats, one a measured row; nan wherever the run has no value: out
         of its range at either end, in branches that it has not, in rows without that strain.
     """
-    over = next(name for name in ("strain", "stress", "p") if name in reference.columns)
+    over: str = next(n for n in ("strain", "stress", "p") if n in reference.columns)
     found = {over: reference.columns[over]}
     for what in reference.columns:
         if what in curves and what != over:

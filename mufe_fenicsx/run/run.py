@@ -76,9 +76,9 @@ def run_scene(
             checkpoint, identity = find_start(scene, *folders, lock, options)
             started -= 0.0 if checkpoint is None else checkpoint.header["wall_s"]
             place = RunPlace(folders[1], lock, identity["scene"], folders[0], options)
-            found = prepare(scene, folders[0], comm, checkpoint)
-            test = TestRun(scene, *found, place, identity, started, options)
-            del found  # its mesh may have to make room for another one
+            prepared, separation = prepare(scene, folders[0], comm, checkpoint)
+            test = TestRun(scene, prepared, separation, place, identity, started, options)
+            del prepared  # its mesh may have to make room for another one
             result = test.run(checkpoint, doing)
     finally:
         lock.free()
