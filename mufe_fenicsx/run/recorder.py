@@ -272,7 +272,9 @@ class Recorder:
             },
         )
         strength = surface_strength(solid, sim.contact.own, state.plastic_strain)
-        network = find_network(sim.contact, sim.mesh, sim.solid.mass, state.x, strength)
+        # Masses and centres of grains are those without additions.
+        mass = sim.scaling.first_mass if sim.scaling else solid.mass
+        network = find_network(sim.contact, sim.mesh, mass, state.x, strength)
         self.contacts.write(self.num_states, state.t, network)
         number, mesh = f"{self.num_states:04d}", f"fields/{self.fields.mesh}"
         self._note([f"fields/{number}.vtkhdf"], mesh)

@@ -14,7 +14,7 @@ from mufe_fenicsx.analysis.checks import check_run, holds_from
 from mufe_fenicsx.analysis.contact_resolution import contact_resolution
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.geometry.bodies.shapes import sphere
-from mufe_fenicsx.geometry.grains import Grains, save_grains
+from mufe_fenicsx.geometry.grains import Grains, load_grains, save_grains
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.output.contacts import read_contacts, read_patches
 from mufe_fenicsx.output.fields import read_state, read_states
@@ -27,7 +27,16 @@ from mufe_fenicsx.run.from_scene import load_mesh, make_simulation
 from mufe_fenicsx.run.preparation import Prepared
 from mufe_fenicsx.run.recorder import Recorder
 from mufe_fenicsx.run.run import run_scene
-from mufe_fenicsx.scene import Contact, Oedometer, Output, Sample, Scene, Solver, load_scene
+from mufe_fenicsx.scene import (
+    Contact,
+    MassScaling,
+    Oedometer,
+    Output,
+    Sample,
+    Scene,
+    Solver,
+    load_scene,
+)
 from tests.bodies import RADIUS, packed_grains
 
 
@@ -69,6 +78,16 @@ def test_every_rank_that_returns_finds_the_folder_free(folder, grains, monkeypat
     monkeypatch.setattr(RunLock, "free", late)
     run_scene(small_scene(), grains, folder / "out", comm, quiet=True, max_steps=1)
     assert not (folder / "out" / LOCK).exists()
+
+
+def test_grains_have_their_own_mass_and_centre_where_mass_is_added(folder, grains):
+    """Those of the lumped masses before, whatever was added: volume by density."""
+    scene = replace(small_scene(), mass_scaling=MassScaling(0.2), output=Output(2, 2, report=False))
+    run_scene(scene, grains, folder / "out", MPI.COMM_SELF, quiet=True, max_steps=1)
+    assert read_history(folder / "out" / "history.csv")["added_mass"][-1] > 0.1
+    (_, table), bodies = read_contacts(folder / "out", 0), load_grains(grains)
+    # A step at 20 m/s moves nothing by more than the separation did.
+    assert table["mass"] == pytest.approx(2650.0 * bodies.volumes, rel=1e-3)
 
 
 @pytest.mark.mpi
