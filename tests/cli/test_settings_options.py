@@ -98,7 +98,7 @@ def test_options_read_as_numbers_have_units_of_their_own():
         for command in group.registered_commands:
             hints = typing.get_type_hints(command.callback)
             found |= {name for name, hint in hints.items() if hint in (float, float | None)}
-    assert found == {"minutes", "interval", "chain_angle", "penalty"}
+    assert found == {"minutes", "interval", "chain_angle", "penalty", "nu"}  # no part: Poisson's
 
 
 def test_a_part_that_is_none_is_refused_in_a_line():
