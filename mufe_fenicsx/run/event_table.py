@@ -5,8 +5,8 @@ from ..output.history import HistoryWriter
 
 #: Columns of events.csv: facets of a grain that opened together, by time.
 COLUMNS = (
-    *("time", "strain", "stage", "grain", "x", "y", "z", "area", "mode", "energy", "strength"),
-)
+    "time", "strain", "stage", "grain", "x", "y", "z", "area", "mode", "energy", "strength",
+)  # fmt: skip
 
 
 class EventTable:

@@ -53,15 +53,13 @@ class SurfaceLayers(Stateful):
         self.compliance_of_edge = edge_compliances(own, x, of_mesh, known and known.compliance)
         faceted = self.kinematic or settings.points == "nodes"
         #: The smooth surface over the facets, :class:`~mufe_fenicsx.contact.surface.bulges.Bulges`.
-        self.smooth = no_bulges(own)
-        if not faceted:
-            self.smooth = smooth_surface(mesh, own, x, known)
+        self.smooth = no_bulges(own) if faceted else smooth_surface(mesh, own, x, known)
         #: By how much smooth surfaces bring facets nearer [m], and how much faster than points
         #: their gaps go at most, on all ranks.
         self.rise, self.steepest = self._bounds(mesh.comm)
-        known = grains.plastic_strain is not None
+        strain = grains.plastic_strain
         #: Plastic strain of the cells, shape (num_cells,); zeros where nothing is known.
-        self.plastic_strain = grains.plastic_strain if known else np.zeros(mesh.num_cells)
+        self.plastic_strain = np.zeros(mesh.num_cells) if strain is None else strain
         if grains.rigid_layer is not None:  # layers of rigid grains stand for all that yields
             self.smooth.curvature[~np.isnan(grains.rigid_layer[own.local_grain_of_facet])] = 0.0
         #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.

@@ -5,6 +5,8 @@ import math
 import numba
 import numpy as np
 
+from ..geometry.pieces import first_of
+
 #: Columns of the sums over the points of a patch.
 COUNT, AREA, DEFORMED, FORCE, EDGE, PLACE, MOMENT = 0, 1, 2, 3, 4, 5, 8
 #: Area of each side whose yield stress is known, that area times the stress, and the overlap.
@@ -31,27 +33,18 @@ def join_points(bodies, order, vertices, num_vertices):
                 continue
             other = last[vertex]
             if other >= 0 and bodies[other] == bodies[point]:
-                one, two = _first_of(first, point), _first_of(first, other)
+                one, two = first_of(first, point), first_of(first, other)
                 first[max(one, two)] = min(one, two)
             last[vertex] = point
     part, num = np.empty(bodies.size, np.int64), 0
     for point in range(bodies.size):
-        root = _first_of(first, point)
+        root = first_of(first, point)
         if root == point:
             part[point] = num
             num += 1
         else:
             part[point] = part[root]
     return part
-
-
-@numba.njit(cache=True)
-def _first_of(first, point):
-    """Follow a point to the one that stands for its part, and shorten the way there."""
-    while first[point] != point:
-        first[point] = first[first[point]]
-        point = first[point]
-    return point
 
 
 @numba.njit(cache=True)

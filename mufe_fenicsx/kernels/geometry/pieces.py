@@ -1,12 +1,12 @@
-"""Which tetrahedra hang together by their nodes, and by what holds them beside."""
+"""What hangs together: rows by links, and tetrahedra by nodes and by what holds them beside."""
 
 import numba
 import numpy as np
 
 
 @numba.njit(cache=True)
-def _first(link, i):
-    """The first row of what row i hangs together with; links are shortened on the way."""
+def first_of(link, i):
+    """The row that stands for what row i hangs together with; links are shortened on the way."""
     while link[i] != i:
         link[i] = link[link[i]]
         i = link[i]
@@ -34,11 +34,11 @@ def first_of_pieces(cells, rows, holding, num_nodes):
             node = cells[rows[i], k]
             if at_node[node] < 0:
                 at_node[node] = i
-            one, other = _first(link, i), _first(link, at_node[node])
+            one, other = first_of(link, i), first_of(link, at_node[node])
             link[max(one, other)] = min(one, other)
     for h in range(holding.shape[0]):
-        one, other = _first(link, place[holding[h, 0]]), _first(link, place[holding[h, 1]])
+        one, other = first_of(link, place[holding[h, 0]]), first_of(link, place[holding[h, 1]])
         link[max(one, other)] = min(one, other)
     for i in range(rows.size):
-        link[i] = _first(link, i)
+        link[i] = first_of(link, i)
     return link
