@@ -79,7 +79,10 @@ class Contact(Stateful):
         node_ratio = grains.tangential_ratio[mesh.grain_of_node[own.nodes]]
         # As of sharp vertices: edges that end a flat contact add nothing to it.
         recess = RECESS if self.ghosts.num_before else 0.0
-        self.edges = EdgeContact(node_ratio, recess, self.friction, self.first_tool)
+        self.edges = EdgeContact(
+            node_ratio, recess, self.friction, self.first_tool,
+            None if mesh.piece_of_cell is None else mesh.origin[own.nodes],
+        )  # fmt: skip
         dents = Dents(mesh.num_cells, self.layers.strengths.any)
         self.dissipation = Dissipation(self.points.grain_of_point, mesh.labels.size, dents)
         self.overlaps = Overlaps()
@@ -116,11 +119,14 @@ class Contact(Stateful):
         self.num_searches += 1
 
     def deepest(self):
-        """Depth of the deepest closed pair [m]. Collective."""
-        depth = self.edges.deepest()
-        if self.pairs is not None:
-            depth = max(depth, self.pairs.deepest())
-        return self.comm.allreduce(depth, op=MPI.MAX)
+        """Depths of the deepest pair of a point, and of the deepest closed one of edges [m].
+
+        Collective.
+        """
+        of_points = 0.0 if self.pairs is None else self.pairs.deepest()
+        depths = np.array([of_points, self.edges.deepest()])
+        self.comm.Allreduce(MPI.IN_PLACE, depths, op=MPI.MAX)
+        return depths
 
     def destroy(self):
         """Free what sends messages. Collective."""

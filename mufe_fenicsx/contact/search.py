@@ -24,7 +24,9 @@ def find_pairs(contact, x, ahead):
     contact.ghosts.moving = None
     gathered = np.empty((own.nodes.size, 3))
     gather_rows(gathered, x, own.nodes)
-    reach = max(motion.skin, ahead) + 1.1 * contact.deepest()
+    # What is in contact is found again; edges may be far deeper than points: beyond the reach.
+    of_points, of_edges = 1.1 * contact.deepest()
+    reach, beyond = max(motion.skin, ahead) + of_points, max(of_edges - of_points, 0.0)
     old, old_walls, old_edges = contact.pairs, walls.pairs, edges.pairs
     wait, num_grains = 0.0, contact.dissipation.num_grains
     if contact.surface is not None:
@@ -38,7 +40,7 @@ def find_pairs(contact, x, ahead):
         overlaps = depths_to_search(
             contact.comm, own, num_grains, contact.first_tool, contact.edge
         )  # fmt: skip
-    exchange(contact, gathered, reach, float(overlaps.max(initial=0.0)))
+    exchange(contact, gathered, reach, max(overlaps.max(initial=0.0), beyond))
     _search_facets(contact, reach + overlaps[contact.surface.grain_of_facet], wait)
     _search_edges_and_walls(contact, gathered, reach)
     if old is not None:

@@ -33,7 +33,7 @@ class Event(NamedTuple):
 #: Columns of :meth:`Cracks.strengths_of_grains`: label, volume [m³], facets that may open, and the
 #: least, the median and the largest of their strengths [Pa].
 STRENGTHS = ("grain", "volume", "num_facets", "least", "median", "largest")
-#: Steps from one look at all cells to the next; those near a strength are looked at in each.
+#: Steps from one look at all cells to the next; facets near their strength are looked at in each.
 STEPS_BETWEEN_LOOKS = 4
 #: Facets beside those that soften open at this part of their strength: nodes at a front of cracks
 #: bear more than means of cells tell. They soften where their points reach the strength.
@@ -68,8 +68,8 @@ class Cracks(ForceTerm):
         points: What their corners keep, of type POINT, shape (num_opened, 3).
         events: What opened on this rank since the last :meth:`take_events`.
         news: Whether anything did on some rank.
-        near, watching: Cells near the strength of a facet at the last look, shape (num_cells,), and
-            whether there are any on some rank.
+        near, watching: Which facets of cells were near their strength at the last look, as of
+            FacetSearch, shape (num_cells,), and whether any were on some rank.
 
     Raises:
         InputError: A grain is rigid, or there is a membrane; on all ranks.
@@ -157,7 +157,7 @@ class Cracks(ForceTerm):
         if not state.num_steps % STEPS_BETWEEN_LOOKS:
             if self.opened.size and (self._softened() != self._softer).any():
                 self._follow(self._solid)
-            self._search.watch(*stress)
+            self._search.watch(*stress, state.x)
             self.watching = self.mesh.comm.allreduce(self._search.num_listed) > 0
         if not self.watching:
             return self._look_for_pieces(state)

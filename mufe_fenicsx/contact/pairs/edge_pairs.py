@@ -32,11 +32,14 @@ class EdgeContact:
         recess: Depth at which the contact of edges begins, over their length.
         friction: :class:`~mufe_fenicsx.contact.friction.FrictionTable`.
         first_tool: Grains from this one on are tools, which do not meet each other; None: none is.
+        origin: Nodes of the start that own surface nodes are parts of, where grains are in pieces.
+            Edges of two pieces that end at parts of a node do not meet: they lie on each other
+            from the start, and points hold what is beside them. None: no grain is in pieces.
     """
 
-    def __init__(self, ratio, recess, friction, first_tool=None):
+    def __init__(self, ratio, recess, friction, first_tool=None, origin=None):
         self.ratio_of_node, self.recess, self.friction = ratio, recess, friction
-        self.first_tool = first_tool
+        self.first_tool, self.origin = first_tool, origin
         self.slip = np.zeros(ratio.size)  #: of own nodes in crossings, up to the last search [m]
         self.edges = None
         self.pairs = None
@@ -64,10 +67,21 @@ class EdgeContact:
         if self.first_tool is not None:  # the second is that of the higher number
             meet = self.edges.grain[first] < self.first_tool
             first, second = first[meet], second[meet]
+        if self.origin is not None:
+            apart = ~self._part_of_one_node(first, second)
+            first, second = first[apart], second[apart]
         self.set_pairs(first, second, bound)
         if self.past is not None:
             self._transfer(*self.past)
             self.past = None
+
+    def _part_of_one_node(self, first, second):
+        """Whether edges of two pieces of a grain end at parts of a node, shape (num_pairs,)."""
+        e, found = self.edges, np.zeros(first.size, dtype=bool)
+        pieces = np.flatnonzero(e.grain[first] == e.grain[second])
+        one, other = (self.origin[e.ends[of[pieces]]] for of in (first, second))
+        found[pieces] = (one[:, :, None] == other[:, None, :]).any(axis=(1, 2))
+        return found
 
     def put_away(self):
         """Keep the pairs by their names, for the next search. Local."""

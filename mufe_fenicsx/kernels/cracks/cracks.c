@@ -6,8 +6,10 @@
 
 #include "law.h"
 
-/* Cells are near a strength from this part of it on. */
+/* Facets are near their strength from this part of it on. */
 #define NEAR 0.8
+/* Facets of such a cell are looked at. */
+#define LOOKED_AT 16
 /* A failed point so many times the root of its facet's area away from its partner is alone. */
 #define REACH 0.5
 
@@ -157,8 +159,8 @@ typedef struct {
   const uint8_t *corner;  /* corners of the first cell that are those of the facet */
   const double *strength; /* of the facets; inf: open, or never opens */
   const double *friction; /* of the facets */
-  uint8_t *near;          /* whether a cell has come near */
-  int64_t *listed;        /* facets beside such cells */
+  uint8_t *near;          /* of cells: LOOKED_AT, and bit_of facets that are listed */
+  int64_t *listed;        /* facets that have come near their strength */
   const double *softens;  /* from which effective traction on facets open at once, as strength */
   int64_t *found;         /* facets that open */
 } facets_type;
@@ -194,23 +196,69 @@ static void add_stress(double sum[6], const facets_type *m, const double *deviat
   for (int k = 0; k < 6; k++) sum[k] += m->volume[c] * (deviator[6 * c + k] + (k < 3 ? mean : 0.0));
 }
 
-/* Marks cells that have come near the strength of a facet; returns how many. */
-int64_t mufe_mark_near(const facets_type *m, const double *deviator, const double *pressure,
-                       double shear, double friction, int64_t num_cells, int averaged) {
-  int64_t some = 0;
-  for (int64_t c = 0; c < num_cells; c++) {
-    const double mean = mean_of(m, pressure, c, averaged);
-    m->near[c] = can_bear(deviator + 6 * c, mean, shear, friction, NEAR * m->weakest[c]);
-    some += m->near[c];
-  }
-  return some;
+/* Effective traction of a facet times twice its area and the volume of both cells, squared; ``whole``:
+   these two factors, squared. */
+static double reached_by(const facets_type *m, const double *deviator, const double *pressure,
+                         const double *x, double shear, int64_t i, int averaged, double *whole) {
+  const int32_t a = m->across[2 * i], b = m->across[2 * i + 1];
+  double s[6] = {0.0}, n[3], t[3], e[2][3];
+  add_stress(s, m, deviator, pressure, a, averaged);
+  add_stress(s, m, deviator, pressure, b, averaged);
+  const int32_t *cell = m->cells + 4 * a;
+  const uint8_t *corner = m->corner + 3 * i;
+  for (int k = 0; k < 2; k++)
+    for (int j = 0; j < 3; j++)
+      e[k][j] = x[3 * cell[corner[k + 1]] + j] - x[3 * cell[corner[0]] + j];
+  n[0] = e[0][1] * e[1][2] - e[0][2] * e[1][1];
+  n[1] = e[0][2] * e[1][0] - e[0][0] * e[1][2];
+  n[2] = e[0][0] * e[1][1] - e[0][1] * e[1][0];
+  t[0] = s[0] * n[0] + s[3] * n[1] + s[5] * n[2];
+  t[1] = s[3] * n[0] + s[1] * n[1] + s[4] * n[2];
+  t[2] = s[5] * n[0] + s[4] * n[1] + s[2] * n[2];
+  const double size = square(n[0]) + square(n[1]) + square(n[2]);
+  const double normal = (t[0] * n[0] + t[1] * n[1] + t[2] * n[2]);
+  const double all = square(t[0]) + square(t[1]) + square(t[2]);
+  const double rubs = m->friction[i] * positive(-normal);
+  double across = positive(all * size - square(normal));
+  if (rubs > 0.0) across = square(positive(sqrt(across) - rubs));
+  *whole = square(size * (m->volume[a] + m->volume[b]));
+  return square(positive(normal)) + across / square(shear);
 }
 
-/* Lists closed facets of marked cells; returns how many. */
-int64_t mufe_list_near(const facets_type *m, int64_t num_facets) {
+/* A bit of ``near`` of its first cell for each facet: the number of the corner across from it. */
+static inline uint8_t bit_of(const facets_type *m, int64_t i) {
+  const uint8_t *corner = m->corner + 3 * i;
+  return (uint8_t)(1 << (6 - corner[0] - corner[1] - corner[2]));
+}
+
+/* Lists closed facets that have come near their strength; returns how many. */
+int64_t mufe_list_near(const facets_type *m, const double *deviator, const double *pressure,
+                       const double *x, double shear, double friction, int64_t num_cells,
+                       int64_t num_facets, int averaged) {
+  int64_t some = 0, count = 0;
+  for (int64_t c = 0; c < num_cells; c++) {
+    const double mean = mean_of(m, pressure, c, averaged);
+    const int looks = can_bear(deviator + 6 * c, mean, shear, friction, NEAR * m->weakest[c]);
+    m->near[c] = looks ? LOOKED_AT : 0;
+    some += looks;
+  }
+  for (int64_t i = 0; some && i < num_facets; i++) {
+    const int32_t a = m->across[2 * i], b = m->across[2 * i + 1];
+    if (!((m->near[a] | m->near[b]) & LOOKED_AT) || m->strength[i] == INFINITY) continue;
+    double whole;
+    const double reached = reached_by(m, deviator, pressure, x, shear, i, averaged, &whole);
+    if (reached < square(NEAR * m->strength[i]) * whole) continue;
+    m->near[a] |= bit_of(m, i);
+    m->listed[count++] = i;
+  }
+  return count;
+}
+
+/* Lists those again that are still closed. */
+int64_t mufe_list_again(const facets_type *m, int64_t num_facets) {
   int64_t count = 0;
   for (int64_t i = 0; i < num_facets; i++)
-    if ((m->near[m->across[2 * i]] | m->near[m->across[2 * i + 1]]) && m->strength[i] < INFINITY)
+    if (m->near[m->across[2 * i]] & bit_of(m, i) && m->strength[i] < INFINITY)
       m->listed[count++] = i;
   return count;
 }
@@ -224,32 +272,11 @@ int64_t mufe_find_strained(const facets_type *m, const double *deviator, const d
   *now = 0;
   for (int64_t k = 0; k < num_listed; k++) {
     const int64_t i = m->listed[k];
-    const int32_t a = m->across[2 * i], b = m->across[2 * i + 1];
-    double s[6] = {0.0}, n[3], t[3], e[2][3];
-    add_stress(s, m, deviator, pressure, a, averaged);
-    add_stress(s, m, deviator, pressure, b, averaged);
-    const int32_t *cell = m->cells + 4 * a;
-    const uint8_t *corner = m->corner + 3 * i;
-    for (int k = 0; k < 2; k++)
-      for (int j = 0; j < 3; j++)
-        e[k][j] = x[3 * cell[corner[k + 1]] + j] - x[3 * cell[corner[0]] + j];
-    n[0] = e[0][1] * e[1][2] - e[0][2] * e[1][1];
-    n[1] = e[0][2] * e[1][0] - e[0][0] * e[1][2];
-    n[2] = e[0][0] * e[1][1] - e[0][1] * e[1][0];
-    t[0] = s[0] * n[0] + s[3] * n[1] + s[5] * n[2];
-    t[1] = s[3] * n[0] + s[1] * n[1] + s[4] * n[2];
-    t[2] = s[5] * n[0] + s[4] * n[1] + s[2] * n[2];
-    const double size = square(n[0]) + square(n[1]) + square(n[2]);
-    const double normal = (t[0] * n[0] + t[1] * n[1] + t[2] * n[2]);
-    const double all = square(t[0]) + square(t[1]) + square(t[2]);
-    const double rubs = m->friction[i] * positive(-normal);
-    double across = positive(all * size - square(normal));
-    if (rubs > 0.0) across = square(positive(sqrt(across) - rubs));
-    const double reached = square(positive(normal)) + across / square(shear);
-    const double whole = size * (m->volume[a] + m->volume[b]);
-    if (reached < square(m->strength[i] * whole)) continue;
+    double whole;
+    const double reached = reached_by(m, deviator, pressure, x, shear, i, averaged, &whole);
+    if (reached < square(m->strength[i]) * whole) continue;
     m->found[count++] = i;
-    *now += reached >= square(m->softens[i] * whole);
+    *now += reached >= square(m->softens[i]) * whole;
   }
   return count;
 }

@@ -140,7 +140,8 @@ class FacetSearch:
         strength: Of the facets [Pa], inf where one is open or never opens, (num_facets,).
         friction: Their μ, shape (num_facets,).
         softens: From which effective traction on they open at once [Pa], (num_facets,).
-        near: Cells that have come near, of the last :meth:`watch`, uint8, shape (num_cells,).
+        near: Which facets of cells came near at the last :meth:`watch`, in bits, uint8, shape
+            (num_cells,).
         shear: As of :class:`CrackForces`.
         averaged: Whether ``pressure`` is that of nodes.
 
@@ -162,24 +163,22 @@ class FacetSearch:
             (softens, real), (self._found, whole),
         )  # fmt: skip
         library, pointer, integer = _library(), ctypes.c_void_p, ctypes.c_int64
-        self._find, self._mark = library.mufe_find_strained, library.mufe_mark_near
-        self._list = library.mufe_list_near
-        self._find.argtypes = [*[pointer] * 4, ctypes.c_double, integer, integer, pointer]
+        self._find, self._list = library.mufe_find_strained, library.mufe_list_near
+        again, number = library.mufe_list_again, ctypes.c_double
+        self._find.argtypes = [*[pointer] * 4, number, integer, integer, pointer]
         self._now = np.zeros(1, whole)
-        self._mark.argtypes = [*[pointer] * 3, *[ctypes.c_double] * 2, integer, integer]
-        self._list.argtypes = [pointer, integer]
-        for function in (self._find, self._mark, self._list):
+        self._list.argtypes = [*[pointer] * 4, number, number, *[integer] * 3]
+        again.argtypes = [pointer, integer]
+        for function in (self._find, self._list, again):
             function.restype = integer
-        self.num_listed = self._list(self._pointers.table, len(across))
+        self.num_listed = again(self._pointers.table, len(across))
 
-    def watch(self, deviator, pressure):
+    def watch(self, deviator, pressure, x):
         """List the facets near their strength; arguments as of a call."""
-        table = self._pointers.table
-        some = self._mark(
-            table, address(deviator), address(pressure), self._shear, self._friction,
-            self._sizes[0], self._averaged,
+        self.num_listed = self._list(
+            self._pointers.table, address(deviator), address(pressure), address(x), self._shear,
+            self._friction, *self._sizes, self._averaged,
         )  # fmt: skip
-        self.num_listed = self._list(table, self._sizes[1]) if some else 0
 
     def __call__(self, deviator, pressure, x):
         """Listed facets that are strained enough to open, increasing, and how many do so at once.
