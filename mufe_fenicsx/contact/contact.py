@@ -81,7 +81,7 @@ class Contact(Stateful):
         recess = RECESS if self.ghosts.num_before else 0.0
         self.edges = EdgeContact(
             node_ratio, recess, self.friction, self.first_tool,
-            None if mesh.piece_of_cell is None else mesh.origin[own.nodes],
+            None if mesh.origin is None else mesh.origin[own.nodes],
         )  # fmt: skip
         dents = Dents(mesh.num_cells, self.layers.strengths.any)
         self.dissipation = Dissipation(self.points.grain_of_point, mesh.labels.size, dents)

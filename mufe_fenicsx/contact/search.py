@@ -24,7 +24,7 @@ def find_pairs(contact, x, ahead):
     contact.ghosts.moving = None
     gathered = np.empty((own.nodes.size, 3))
     gather_rows(gathered, x, own.nodes)
-    # What is in contact is found again; edges may be far deeper than points: beyond the reach.
+    # Edges may be far deeper than points: closed ones are kept, and other ranks send theirs.
     of_points, of_edges = 1.1 * contact.deepest()
     reach, beyond = max(motion.skin, ahead) + of_points, max(of_edges - of_points, 0.0)
     old, old_walls, old_edges = contact.pairs, walls.pairs, edges.pairs
@@ -42,7 +42,7 @@ def find_pairs(contact, x, ahead):
         )  # fmt: skip
     exchange(contact, gathered, reach, max(overlaps.max(initial=0.0), beyond))
     _search_facets(contact, reach + overlaps[contact.surface.grain_of_facet], wait)
-    _search_edges_and_walls(contact, gathered, reach)
+    _search_edges_and_walls(contact, gathered, reach, overlaps.max(initial=0.0))
     if old is not None:
         contact.dissipation.change(old, contact.pairs, old_walls, walls.pairs, old_edges)
     motion.searched_at = motion.bound
@@ -107,18 +107,18 @@ def _search_facets(contact, reach, wait):
         contact.pairs.transfer(old, surface.global_facet, wait)
 
 
-def _search_edges_and_walls(contact, nodes, reach):
+def _search_edges_and_walls(contact, nodes, reach, overlap):
     """Find pairs of edges, and of points with walls, within ``reach`` [m]. Collective.
 
     Args:
         contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
         nodes: Positions of own surface nodes [m], shape (num_nodes, 3).
         reach: Largest gap [m].
+        overlap: Largest depth of the start that is looked for beyond it [m].
     """
     ghosts, motion, points, walls = contact.ghosts, contact.motion, contact.points, contact.walls
     x, of_walls = ghosts.positions.array, reach + contact.layers.rise
     of_nodes, of_points = x[ghosts.num_before :], x[: points.num_points]
-    whole_reach = reach + motion.overlap
-    contact.edges.search(of_nodes, len(nodes), contact.surface, whole_reach, motion.bound)
+    contact.edges.search(of_nodes, len(nodes), contact.surface, reach + overlap, motion.bound)
     walls.search(of_points, points, of_walls, motion.bound, contact.layers.strengths.any)
     walls.near.enclose(contact.comm, walls, of_points, of_walls)

@@ -134,7 +134,7 @@ def test_search_finds_what_every_plane_says(speed, friction):
     effect = np.hypot(np.maximum(normal, 0.0), across / LAW.shear_ratio)
     cracks.strength *= np.quantile(effect / cracks.strength, 0.9)
     cracks._follow(s.solid)
-    cracks._search.watch(s.state.deviator, s.solid.pressure)
+    cracks._search.watch(s.state.deviator, s.solid.pressure, s.state.x)
     found, _ = cracks._search(s.state.deviator, s.solid.pressure, s.state.x)
     wanted = np.flatnonzero(effect >= cracks.strength)
     # The Kirchhoff stress stands for Cauchy's.

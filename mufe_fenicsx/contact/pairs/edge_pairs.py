@@ -11,6 +11,7 @@ from ...kernels.contact.edge_search import (
 )
 from ...kernels.contact.edges import EdgeForces, edge_energy
 from ...kernels.geometry.boxes import with_marked_vertex
+from ...kernels.geometry.topology import rows_of
 from ..laws import edge_of_area
 from .table import RowTable
 
@@ -32,9 +33,9 @@ class EdgeContact:
         recess: Depth at which the contact of edges begins, over their length.
         friction: :class:`~mufe_fenicsx.contact.friction.FrictionTable`.
         first_tool: Grains from this one on are tools, which do not meet each other; None: none is.
-        origin: Nodes of the start that own surface nodes are parts of, where grains are in pieces.
+        origin: Nodes of the start that own surface nodes are parts of, of a mesh that has grown.
             Edges of two pieces that end at parts of a node do not meet: they lie on each other
-            from the start, and points hold what is beside them. None: no grain is in pieces.
+            from the start, and points hold what is beside them. None: none has parted.
     """
 
     def __init__(self, ratio, recess, friction, first_tool=None, origin=None):
@@ -53,17 +54,19 @@ class EdgeContact:
         return -self.pairs.gap[self.pairs.closed].min()
 
     def search(self, x, num_own, surface, reach, bound):
-        """Find all pairs within ``reach`` and transfer what they remember. Local.
+        """Find all pairs within ``reach``, keep closed ones, transfer what all remember. Local.
 
         Args:
             x: Positions [m], ghosts included, shape (num_nodes_with_ghosts, 3).
             num_own: Number of own nodes.
             surface: :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
-            reach: Distance [m], no less than the depth of the deepest pair.
+            reach: Distance [m].
             bound: Of all relative motion so far [m].
         """
         self.list_edges(num_own, surface)
         first, second = _search(x, self.edges, reach)
+        if self.past is not None:
+            first, second = self._with_closed(first, second)
         if self.first_tool is not None:  # the second is that of the higher number
             meet = self.edges.grain[first] < self.first_tool
             first, second = first[meet], second[meet]
@@ -74,6 +77,16 @@ class EdgeContact:
         if self.past is not None:
             self._transfer(*self.past)
             self.past = None
+
+    def _with_closed(self, first, second):
+        """The same pairs, and closed ones of before that are deeper, increasing."""
+        old, keys = self.past
+        keys, order = keys[old.closed], np.argsort(self.edges.key)
+        at = [rows_of(self.edges.key[order], of) for of in (keys >> 31, keys & (1 << 31) - 1)]
+        there = (at[0] >= 0) & (at[1] >= 0)
+        num = self.edges.key.size
+        kept = order[at[0][there]] * num + order[at[1][there]]
+        return np.divmod(np.union1d(first * np.int64(num) + second, kept), max(num, 1))
 
     def _part_of_one_node(self, first, second):
         """Whether edges of two pieces of a grain end at parts of a node, shape (num_pairs,)."""
