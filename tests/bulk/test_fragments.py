@@ -93,6 +93,10 @@ def test_halves_of_a_brick_are_two_bricks(points, rel):
     assert one.mesh.num_pieces.tolist() == [2]
     for s in (one, two):
         sheared(s)
+    # Edges that lie on each other, of one node both, do not meet.
+    edges, of_node = one.contact.edges, one.mesh.origin[one.contact.own.nodes]
+    ends = [of_node[edges.edges.ends[of]] for of in (edges.pairs.first, edges.pairs.second)]
+    assert (ends[0][:, :, None] != ends[1][:, None, :]).all()
     assert two.energies()["contact"] > 0
     size = two.energies()["elastic"]
     assert one.energies() == pytest.approx(two.energies(), abs=rel * size)

@@ -273,14 +273,18 @@ def test_a_crossing_moves_on_along_a_ridge():
         place, D = pairs.place[on].clip(0, 1), contact.edges.edges.compliance
         return (place * (1 - place) * D[np.column_stack([pairs.first, pairs.second])[on]]).sum(1)
 
+    def keys_of_closed():
+        edges = contact.edges
+        return edges.keys(edges.edges.key)[edges.pairs.closed].tolist()
+
     for _ in range(20):
         pairs, on = move([0, 0, -(depth + 1e-4) / 20])
-    keys = {int(contact.edges.keys(contact.edges.edges.key)[on[0]])}
+    keys = set(keys_of_closed()[:1])
     before, steps, way, k = contact.dissipation.total, 600, 1.5 / n, []
     softness = 1 / pairs.stiffness[on[0]] - between(pairs, on)[0]
     for _ in range(steps):
         pairs, on = move([way / steps, 0, 0])
-        keys.update(contact.edges.keys(contact.edges.edges.key)[on].tolist())
+        keys.update(keys_of_closed())
         # Rigid motion: the depth is kept to rounding of positions.
         assert pairs.gap[on] == pytest.approx(-depth, rel=1e-9)
         # Beside a node one fades out while the next one fades in.
@@ -295,6 +299,13 @@ def test_a_crossing_moves_on_along_a_ridge():
     slip = contact.dissipation.total - before
     # Less the way until it slips, mu N / kt: 2e-3 of the whole.
     assert slip == pytest.approx(friction * np.mean(k) * depth * way, rel=2e-3)
+    # A search whose reach is the depth of points, which are far away, keeps it.
+    before, force = keys_of_closed(), pairs.shear[on].copy()
+    contact.motion.skin = 0.1 * depth
+    contact.search(x)
+    assert contact.motion.reach < depth and keys_of_closed() == before
+    pairs, on = move([0, 0, 0])
+    assert pairs.shear[on] == pytest.approx(force, rel=1e-9)
 
 
 def test_a_crossing_that_comes_in_beside_one_that_stays_begins_without_force():
