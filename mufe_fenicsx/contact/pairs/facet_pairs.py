@@ -42,7 +42,9 @@ class Pairs(PairTable):
             friction: :class:`~mufe_fenicsx.contact.friction.FrictionTable`.
             grains: Global indices of this rank's grains.
         """
-        self.friction_row = friction.rows(points.grain_of_point[self.node], self.grain)
+        own = points.grain_of_point[self.node], points.body_of_point[self.node]
+        self.within[:] = (own[0] == self.grain) & (own[1] != self.body)
+        self.friction_row = friction.rows(own[0], self.grain)
         self.name_dents(layers.strengths, points, self.grain)
         # With grains of other ranks: their forces travel while the others are found.
         early = ~np.isin(self.grain, grains)

@@ -109,7 +109,8 @@ PAIR = Row(
     ("stick_point", REAL, 3, KEPT),
     ("height", REAL, 1, KEPT),  # of the point over the facet, along ``facing``
     ("shear", REAL, 3, KEPT),
-    ("rule", SHORT),
+    ("rule", BYTE),
+    ("within", FLAG),  # of two pieces of one grain
     ("num_around", SHORT),  # nodes around a point that is a node, listed from ``around`` on
     ("around", INTEGER),
     ("facing", REAL, 3, KEPT),  # normal from facet to point; ``normal`` is of the smooth surface

@@ -59,7 +59,8 @@ static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double li
 /* Forces of the pair p, which has been looked at where ``looked``, ``before`` being the candidate
    that was closest in the last step. The normal force of a point in a facet is that of its
    place; a vertex that comes in from the side, past a sharp edge, carries from the depth on at
-   which it came: where sides of bodies lie in a plane, vertices cross it all the time. */
+   which it came: where sides of bodies lie in a plane, vertices cross it all the time. So does a
+   point of a piece, which may lie in others of its grain, that turns to a facet which it faces. */
 static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, int64_t before) {
   double *x = m->x, *f = m->f;
   pair_row *s = m->row + p;
@@ -121,7 +122,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   s->normal = times(1.0 / steep, steepest);
   s->gap = g;
 
-  const int is_vertex = s->num_around > 0;
+  const int can_jump = s->num_around > 0 || (beside && s->within);
   const double moved = bound - m->next_check[p];
   if (!s->closed) {
     /* The offset of a pair that moves out follows it, and never grows again. */
@@ -131,9 +132,9 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       c->deepest = most(c->deepest, -g);
       s->offset = g;
     }
-    /* A vertex deeper than it can have moved came in from the side. */
-    if (is_vertex && s->offset - g > moved + tiny(s)) s->offset = g;
-  } else if (is_vertex && fabs(g - old.gap) > moved + tiny(s)) {
+    /* What is deeper than it can have moved came in from the side. */
+    if (can_jump && s->offset - g > moved + tiny(s)) s->offset = g;
+  } else if (can_jump && fabs(g - old.gap) > moved + tiny(s)) {
     s->offset = least(s->offset, g + was);
   }
   double depth = s->offset - g;
