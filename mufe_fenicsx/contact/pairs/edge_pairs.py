@@ -85,8 +85,10 @@ class EdgeContact:
         at = [rows_of(self.edges.key[order], of) for of in (keys >> 31, keys & (1 << 31) - 1)]
         there = (at[0] >= 0) & (at[1] >= 0)
         num = self.edges.key.size
+        found = first * np.int64(num) + second
         kept = order[at[0][there]] * num + order[at[1][there]]
-        return np.divmod(np.union1d(first * np.int64(num) + second, kept), max(num, 1))
+        deeper = kept[rows_of(found, kept) < 0]
+        return np.divmod(np.sort(np.concatenate([found, deeper])), max(num, 1))
 
     def _part_of_one_node(self, first, second):
         """Whether edges of two pieces of a grain end at parts of a node, shape (num_pairs,)."""
