@@ -269,7 +269,7 @@ nu = 0.15
 rho = "2650 kg/m^3"
 
 [fracture]                # the grain breaks along facets between its tetrahedra
-strength = "80 MPa"       # tensile; edges are a third of the zone E·energy/strength² or less
+strength = "60 MPa"       # tensile; edges are a fifth of the zone E·energy/strength² or less
 energy = "10 J/m^2"       # of a crack, over its area
 shear_ratio = 2.0         # shear strength over tensile strength
 friction = 0.6            # of pressed facets: without it contacts crush before grains split

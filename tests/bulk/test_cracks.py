@@ -282,7 +282,7 @@ def test_strengths_follow_weibull():
     lowered = Fracture(SIGMA, 1.0, lower_strength=True)
     edges = np.array([1e-6, 1.0]) * lowered.zone(1e9)
     found = lowered.strengths(names[:2], 1.0, edges, 1e9)
-    assert found == pytest.approx([SIGMA, SIGMA / np.sqrt(3.0)])
+    assert found == pytest.approx([SIGMA, SIGMA / np.sqrt(5.0)])
 
 
 def test_strengths_may_scatter_by_grain():

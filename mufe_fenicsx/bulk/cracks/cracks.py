@@ -209,7 +209,7 @@ class Cracks(ForceTerm):
             return None
         return (
             f"edges of the mesh = {with_unit(edge, 'm')}, expected at most "
-            f"{with_unit(wanted, 'm')}, a third of the cohesive zone E·energy/strength² of "
+            f"{with_unit(wanted, 'm')}, a fifth of the cohesive zone E·energy/strength² of "
             "[fracture]; or lower_strength = true"
         )
 
