@@ -1,11 +1,15 @@
 """The axisymmetric reference: its stored results."""
 
+import weakref
+
 import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.theory import finite_sphere, hertz, plastic_contact
 from mufe_fenicsx.verification import reference
+from mufe_fenicsx.verification.axisymmetric.solver import Ball
 
 
 def test_stored_results_are_converged():
@@ -59,3 +63,12 @@ def test_an_approach_beyond_the_table_is_refused():
     course = reference.load()[reference.steel_name(140)]
     with pytest.raises(InputError, match=r"approach over radius = 0.001 to 0.1, expected"):
         course.at([0.001, 0.1])
+
+
+def test_a_ball_is_let_go():
+    """A table takes hundreds, and each holds communicators, of which MPI has 2048."""
+    ball = Ball(Elastic(1e11, 0.15, 2650.0), 0.2, elements=2)
+    assert ball.press(0.01).force > 0.0
+    last = weakref.ref(ball)
+    del ball
+    assert last() is None

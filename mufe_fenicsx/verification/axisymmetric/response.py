@@ -9,14 +9,12 @@ E* = E/(1 - ν²), forces over that of Hertz at the same approach.
 """
 
 import csv
-import gc
 import itertools
 import math
 import sys
 from pathlib import Path
 
 import numpy as np
-from petsc4py import PETSc
 from scipy.interpolate import RegularGridInterpolator
 
 from ...calibration.ball import KNEE
@@ -132,8 +130,6 @@ def main():
         with open(path, "a", encoding="utf-8") as file:
             file.writelines(_line((*name, *row), 6) for row in rows)
         print(name, rows[-1], flush=True)
-        gc.collect()
-        PETSc.garbage_cleanup()
     with open(table, "w", encoding="utf-8") as file:
         file.write("nu,yield,hardening,approach,ratio,strain\n")
         file.writelines(_line(row, 5) for row in grid_of(_read(path)))

@@ -12,6 +12,7 @@ the internal force on it along z.
 """
 
 import math
+import weakref
 from dataclasses import dataclass
 
 import basix
@@ -25,7 +26,7 @@ from petsc4py import PETSc
 
 from ...errors import InputError
 from ...kernels.build.compiled_forms import compiled_form
-from . import law as law
+from . import law
 from .mesh import quarter_disc
 
 BASES = ("smooth", "glued")
@@ -163,8 +164,11 @@ class Ball:
         self.R = self.f.duplicate()
         self.snes = snes = PETSc.SNES().create(MPI.COMM_SELF)
         snes.setType("newtonls")
-        snes.setFunction(self._function, self.f)
-        snes.setJacobian(self._jacobian, self.A)
+        # PETSc keeps what it calls: a ball that it kept would keep 13 of the 2048 communicators
+        # that MPICH has, and nothing would be left after 157 balls.
+        own = weakref.proxy(self)
+        snes.setFunction(lambda *args: own._function(*args), self.f)
+        snes.setJacobian(lambda *args: own._jacobian(*args), self.A)
         snes.getKSP().setType("preonly")
         snes.getKSP().getPC().setType("lu")
         snes.getKSP().getPC().setFactorSolverType("mumps")
