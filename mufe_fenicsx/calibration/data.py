@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, nearest_name, shown
-from ..loading.measured import NAME_AND_UNIT, read_table
+from ..loading.measured import read_table
 from ..theory.hertz import elliptic_contact
 from ..units import to_si
 
@@ -179,18 +179,13 @@ def within_table(data, setup):
 def _columns(path):
     """The table, its kind, and its columns of numbers in SI units by name."""
     table = read_table(path)
-    where = f"{path}, line {table.number}"
-    names, units = [], {}
-    for cell in table.header:
-        match = NAME_AND_UNIT.fullmatch(cell)
-        name = match[1] if match else cell.strip()
-        if name in names and (name in UNITS or name == "curve"):
-            raise InputError(f"{where}: {name} is there twice, expected names that differ")
-        names.append(name)
-        units[name] = match[2] if match else None
+    where, names, units = table.where, [name for name, _ in table.columns], dict(table.columns)
     kind = next((k for k, wanted in KINDS.items() if set(wanted) <= set(names)), None)
     known = [*UNITS, "curve"]
-    for name in names:  # a slip of the keyboard makes no table of another kind
+    for name in names:
+        if name in known and names.count(name) > 1:
+            raise InputError(f"{where}: {name} is there twice, expected names that differ")
+        # A slip of the keyboard makes no table of another kind.
         if name not in known and difflib.get_close_matches(name, known, 1, SIMILAR):
             raise InputError(f"{where}: column {shown(name)}, expected {nearest_name(name, known)}")
     if kind is None:
@@ -213,10 +208,10 @@ def _columns(path):
 
 def _curves(table, kind):
     """Rows of each curve, by its name, in the order of the file."""
-    header = [cell.strip() for cell in table.header]
-    if "curve" not in header or kind == "crushed":
+    names = [name for name, _ in table.columns]
+    if "curve" not in names or kind == "crushed":
         return {"": list(range(len(table.rows)))}
-    at, found = header.index("curve"), {}
+    at, found = names.index("curve"), {}
     for i, (_, row) in enumerate(table.rows):
         found.setdefault(row[at].strip(), []).append(i)
     return found

@@ -36,7 +36,7 @@ STEP, MOST = 1e-12, 1e100
 LARGEST = 100_000_000
 #: What may stand where commas have to.
 SEPARATORS = {";": "semicolons", "\t": "tabs"}
-NAME_AND_UNIT = re.compile(r"\s*(\w+)\s*(?:\[\s*([^\]]*?)\s*\])?\s*")
+NAME_AND_UNIT = re.compile(r"(.*?)\s*(?:\[\s*([^\[\]]*?)\s*\]|\(\s*([^()]*?)\s*\))?")
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,16 @@ class Table:
     header: list[str]
     rows: list[tuple[int, list[str]]]
     checksum: int  #: of the bytes of the file
+
+    @property
+    def where(self):
+        """The header in messages."""
+        return f"{self.path}, line {self.number}"
+
+    @property
+    def columns(self):
+        """Name and unit of each column, see :func:`name_and_unit`."""
+        return [name_and_unit(cell) for cell in self.header]
 
     def values(self, names, least=2, gaps=False):
         """Numbers of the columns, shape (num_rows, num_columns).
@@ -98,6 +108,13 @@ def read_table(path) -> Table:
                 "a decimal point"
             )
     return Table(path, *rows[0], rows[1:], zlib.crc32(data))
+
+
+def name_and_unit(cell):
+    """Name of a column and its unit in brackets, [] or (), behind it; None without brackets."""
+    text = " ".join(cell.split())
+    match = NAME_AND_UNIT.fullmatch(text)
+    return (match[1], match[2] or match[3]) if match[1] else (text, None)
 
 
 @dataclass(frozen=True)
@@ -158,7 +175,7 @@ def read_measured(path: str | Path, units: Mapping[str, str]) -> Measured:
             the time does not grow. The message names the file and the line.
     """
     path, data = Path(path), read_table(path)
-    names, factors = _columns(path, data.number, data.header, units)
+    names, factors = _columns(data, units)
     values = data.values(names)
     found = dict(zip(names, values.T * np.array(factors)[:, None], strict=True))
     time = found.pop(TIME)
@@ -179,13 +196,10 @@ def read_measured(path: str | Path, units: Mapping[str, str]) -> Measured:
     return Measured(path, time, found, data.checksum)
 
 
-def _columns(path, number, row, units):
+def _columns(table, units):
     """Names of the columns, and factors that turn them into SI units."""
-    names, factors = [], []
-    where = f"{path}, line {number}"
-    for cell in row:
-        match = NAME_AND_UNIT.fullmatch(cell)
-        name = match[1] if match else cell.strip()
+    names, factors, where = [], [], table.where
+    for name, unit in table.columns:
         if name not in units:
             raise InputError(
                 f"{where}: {shown(name)} is not a known column, expected "
@@ -193,7 +207,6 @@ def _columns(path, number, row, units):
             )
         if name in names:
             raise InputError(f"{where}: {name} is there twice, expected names that differ")
-        unit = match[2] if match else None
         names.append(name)
         factors.append(to_si(f"1 {unit}", units[name], f"{where}: {name}") if unit else 1.0)
     if TIME not in names:

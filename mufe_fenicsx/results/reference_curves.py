@@ -10,7 +10,6 @@ Empty cells are left out, column by column. A test may unload and reload. Branch
 where the strain turns, in the file and in the run alike, and compared one by one.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +21,7 @@ import numpy as np
 from ..analysis import macro
 from ..analysis.rows import loading_rows
 from ..errors import InputError, nearest_name, shown
-from ..loading.measured import read_table
+from ..loading.measured import name_and_unit, read_table
 from ..scene.reference import Column, Reference
 from ..scene.values import build
 
@@ -46,7 +45,6 @@ ACCEPTED = {
         "MN/m2": 1e6, "N/mm2": 1e6,
     },
 }  # fmt: skip
-HEADER = re.compile(r"\s*(.*?)\s*(?:\[\s*([^\[\]]*?)\s*\]|\(\s*([^()]*?)\s*\))?\s*")
 #: Other names of columns; capitals do not count.
 SYNONYMS = {"sigma1": "stress", "sigma3": "side_stress"}
 #: What is compared: quantity, over what (the first that both have), and whether relatively.
@@ -120,8 +118,7 @@ def read_reference(reference: Reference) -> ReferenceCurves:
             names the file and the line.
     """
     table = read_table(reference.file)
-    where = f"{table.path}, line {table.number}"
-    quantities, factors = _columns(where, table.header, reference.columns)
+    quantities, factors = _columns(table, reference.columns)
     values = table.values(quantities, least=1, gaps=True)
     kept = [name for name in quantities if name is not None]
     found = dict(zip(kept, values.T * np.array(factors)[:, None], strict=True))
@@ -137,7 +134,7 @@ def read_reference(reference: Reference) -> ReferenceCurves:
             _derive(found, table, "k0", side / stress, side + stress)
     if not any(what in found and any(o in found for o in over) for what, over, _ in COMPARED):
         raise InputError(
-            f"{where}: {', '.join(found)}, expected columns to compare, such as strain and stress"
+            f"{table.where}: {', '.join(found)}, expected columns to compare, such as strain and stress"
         )
     return ReferenceCurves(table.path, reference.label, found)
 
@@ -168,14 +165,14 @@ def references_of(scene: Mapping) -> list[Reference]:
     ]
 
 
-def _columns(where, header, asked: Mapping[str, Column]):
+def _columns(table, asked: Mapping[str, Column]):
     """Quantity of each column of the file, None where it is left aside, and factors to SI units.
 
     Columns that are not asked for keep the names that they have.
     """
-    cells = [_name_and_unit(cell) for cell in header]
+    where, cells = table.where, table.columns
     listed = _listed(where, cells, asked)
-    quantities: list[str | None] = [None] * len(header)
+    quantities: list[str | None] = [None] * len(cells)
     factors = []
     for number, (text, unit) in enumerate(cells):
         quantity = listed.get(number) or SYNONYMS.get(text.lower(), text.lower())
@@ -195,12 +192,6 @@ def _columns(where, header, asked: Mapping[str, Column]):
     return quantities, factors
 
 
-def _name_and_unit(cell):
-    """Name of a column and what is in brackets behind it, None without any."""
-    match = HEADER.fullmatch(" ".join(cell.split()))
-    return (match[1], match[2] or match[3]) if match[1] else (cell.strip(), None)
-
-
 def _listed(where, cells, asked):
     """Number of a column -> its quantity, of those asked for, with or without their brackets."""
     found = {}
@@ -210,7 +201,7 @@ def _listed(where, cells, asked):
                 f"columns.{quantity} of a reference is not known, expected "
                 f"{nearest_name(quantity, UNITS)}"
             )
-        name, unit = _name_and_unit(column.header)
+        name, unit = name_and_unit(column.header)
         numbers = [k for k, cell in enumerate(cells) if cell == (name, unit or cell[1])]
         if not numbers:
             raise InputError(
