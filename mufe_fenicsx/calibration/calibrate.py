@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
 from ..machine.files import new_folder, write_atomically
 from ..units import with_unit
 from . import sentences
@@ -20,6 +19,7 @@ from .weibull import fit_weibull
 
 #: File by which a folder of results is known.
 TABLE = "parameters.csv"
+TITLES = {"E": "Young's modulus", "yield": "yield stress", "hardening": "slope of hardening"}
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def calibrate(paths, options, output, overwrite=False, progress=None):
     """
     data = read_data(paths, options.size)
     if data.curves:
-        data = within_table(data, options.setup)
+        data = within_table(data, options.setup, options.given.offset)
     result = {"parameters": [], "notes": [f"{note}." for note in data.notes], "material": ""}
     with new_folder(output, overwrite=overwrite, marker=TABLE) as folder:
         if data.curves:
@@ -69,20 +69,16 @@ def calibrate(paths, options, output, overwrite=False, progress=None):
 def _pressed(folder, data, options, result, progress):
     fit = fit_curves(data.curves, options.setup, options.given, progress)
     rows = result["parameters"]
-    if "E" in fit.names:
-        rows.append(_row("Young's modulus", fit.value("E"), fit.interval("E"), "Pa"))
+    for name in fit.names:
+        kind = name.partition(" ")[0]
+        if kind in ("yield", "hardening") and not sentences.yielded(fit):
+            continue
+        ends = None if name in fit.held else fit.interval(name)
+        rows.append(_row(TITLES.get(name, name), fit.value(name), ends, sentences.UNITS[kind]))
     if sentences.yielded(fit):
-        rows.append(_row("yield stress", fit.value("yield"), fit.interval("yield"), "Pa"))
-        rows.append(
-            _row("slope of hardening", fit.value("hardening"), fit.interval("hardening"), "Pa")
-        )
         strain, stress, ends = sentences.end_of_table(fit)
         rows.append(_row(f"yield stress at plastic strain {strain:g}", stress, ends, "Pa"))
-    for name in fit.names:
-        if name.startswith(("compliance", "offset")):
-            unit = "m/N" if name.startswith("compliance") else "m"
-            rows.append(_row(name, fit.value(name), fit.interval(name), unit))
-    rows.append({"name": "scatter of force", "value": fit.scatter, "unit": ""})
+    rows.append(_row("scatter of force", fit.scatter, None, ""))
     result["correlation"] = {"names": fit.names, "matrix": fit.correlation}
     said = sentences.limits_of(fit, options.given.E)
     result["notes"] += said
@@ -100,11 +96,11 @@ def _pressed(folder, data, options, result, progress):
 
 def _rubbed(folder, data, result):
     found = fit_friction(data.rubbed)
-    result["parameters"].append(_row("friction", found.mu, found.interval, ""))
+    rows = result["parameters"]
     for curve, stiffness in zip(data.rubbed, found.stiffness, strict=True):
-        name = f"tangential stiffness {curve.name}"
-        result["parameters"].append({"name": name, "value": stiffness, "unit": "N/m"})
+        rows.append(_row(f"tangential stiffness {curve.name}", stiffness, None, "N/m"))
     if found.sliding:
+        rows.append(_row("friction", found.mu, found.interval, ""))
         result["material"] += f"\n[contact]\nfriction = {found.mu:.3g}\n"
     else:
         least = max(float(np.max(c.force / c.normal)) for c in data.rubbed)
@@ -140,8 +136,8 @@ def _crushed(folder, data, result):
 
 
 def _row(name, value, ends, unit):
-    return {"name": name, "value": float(value), "low": float(ends[0]), "high": float(ends[1]),
-            "unit": unit}  # fmt: skip
+    interval = {} if ends is None else {"low": float(ends[0]), "high": float(ends[1])}
+    return {"name": name, "value": float(value), **interval, "unit": unit}
 
 
 def _as_csv(rows):
@@ -156,24 +152,3 @@ def _text(lines):
     out = io.StringIO()
     csv.writer(out, lineterminator="\n").writerows(lines)
     return out.getvalue()
-
-
-def platen_of(text, number):
-    """Modulus [Pa] and Poisson's ratio of platens from "210 GPa,0.3"; None for "rigid".
-
-    Args:
-        text: The option.
-        number: Function (text, unit) that reads a number.
-
-    Raises:
-        InputError: It is neither.
-    """
-    if text == "rigid":
-        return None
-    modulus, comma, nu = text.partition(",")
-    if not comma:
-        raise InputError(f'--platen "{text}", expected "rigid" or modulus and ν: "210 GPa,0.3"')
-    nu = number(nu.strip(), "")
-    if not 0.0 <= nu < 0.5:
-        raise InputError(f"--platen ν = {nu:g}, expected 0 <= ν < 0.5")
-    return number(modulus.strip(), "Pa"), nu

@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import InputError, nearest_name, shown
 from ..loading.measured import read_table
 from ..theory.hertz import elliptic_contact
-from ..units import to_si
+from ..units import PLAUSIBLE, to_si
 
 #: Unit of each column of numbers.
 UNITS = {
@@ -36,6 +36,8 @@ UNITS = {
     "height": "m",
 }
 SIZES = ("diameter", "length", "width", "height")
+#: Columns above 0, as is ``force`` where grains broke.
+POSITIVE = (*SIZES, "normal_force")
 #: Kind of a table -> columns it has to have, the kind of most columns first.
 KINDS = {
     "rubbed": ("tangential_displacement", "tangential_force", "normal_force"),
@@ -48,6 +50,8 @@ TOUCHED = 0.02
 LEAST, LEAST_GRAINS = 5, 5
 #: Names count as misspelled from this ratio of :mod:`difflib` on.
 SIMILAR = 0.75
+#: Least and largest friction that is sought.
+FRICTION = (1e-3, 10.0)
 #: A force falls if it drops by this many times the scatter, and by this part of the largest.
 TIMES, PART = 5.0, 0.05
 
@@ -116,7 +120,8 @@ def read_data(paths, size=None):
 
     Raises:
         InputError: A file cannot be read or has not the columns or units of any kind of test; a
-            curve has too few points, or its force falls. The message names file, curve and line.
+            curve has too few points or the name of another one, or its force falls. The message
+            names file, curve and line.
     """
     found = Data([], [], np.empty(0), np.empty(0), [])
     forces, diameters = [], []
@@ -127,10 +132,8 @@ def read_data(paths, size=None):
             part = {key: column[rows] for key, column in values.items()}
             lines = [table.rows[i][0] for i in rows]
             if kind == "crushed":
-                sizes = [_size(part, i, size, path, lines) for i in range(len(rows))]
                 forces += list(part["force"])
-                diameters += [each.diameter for each in sizes]
-                _check_positive(path, lines, part["force"], "force")
+                diameters += [_size(part, i, size, path).diameter for i in range(len(rows))]
                 continue
             if len(rows) < LEAST:
                 raise InputError(
@@ -139,25 +142,37 @@ def read_data(paths, size=None):
             if kind == "pressed":
                 found.curves.append(_pressed(path, label, lines, part, size, found.notes))
             else:
-                found.rubbed.append(_rubbed(path, label, lines, part))
+                found.rubbed.append(_rubbed(path, label, part))
     if forces and len(forces) < LEAST_GRAINS:
         raise InputError(f"strengths of {len(forces)} grains, expected at least {LEAST_GRAINS}")
+    names = [curve.name for curve in (*found.curves, *found.rubbed)]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"curve {name} is there twice, expected names that differ")
     return Data(found.curves, found.rubbed, np.array(forces), np.array(diameters), found.notes)
 
 
-def within_table(data, setup):
+def within_table(data, setup, offset=None):
     """The data without rows beyond the largest displacement that the model knows.
 
     Args:
         data: :class:`Data`; its notes say what is left out.
         setup: :class:`~.model.Setup`.
+        offset: Displacement at touch [m]; None: not known.
 
     Raises:
-        InputError: Too few rows of a curve are left.
+        InputError: Too few rows of a curve are left, or the offset is beyond it.
     """
     curves = []
     for curve in data.curves:
-        touched = curve.displacement[curve.force > TOUCHED * curve.force.max()].min()
+        touched = offset
+        if offset is None:
+            touched = curve.displacement[curve.force > TOUCHED * curve.force.max()].min()
+        elif offset >= curve.displacement.max():
+            raise InputError(
+                f"offset = {offset:g} m, expected less than {curve.displacement.max():g} m, the "
+                f"largest displacement of curve {curve.name}"
+            )
         most = touched + setup.longest * curve.size.radius
         keep = curve.displacement <= most
         if keep.all():
@@ -203,7 +218,18 @@ def _columns(path):
             )
     numbers = table.values([name if name in wanted else None for name in names], least=1)
     factors = [to_si(f"1 {units[name]}", UNITS[name], f"{where}: {name}") for name in wanted]
-    return table, kind, dict(zip(wanted, (numbers * factors).T, strict=True))
+    columns = dict(zip(wanted, (numbers * factors).T, strict=True))
+    for name, column in columns.items():
+        least, most = PLAUSIBLE[UNITS[name]]
+        if name not in POSITIVE and kind != "crushed":
+            least = -most
+        wrong = np.flatnonzero((column < least) | (column > most))
+        if wrong.size:
+            raise InputError(
+                f"{path}, line {table.rows[wrong[0]][0]}: {name} = {column[wrong[0]]:g} "
+                f"{UNITS[name]}, expected {least:g} to {most:g} {UNITS[name]}"
+            )
+    return table, kind, columns
 
 
 def _curves(table, kind):
@@ -217,7 +243,7 @@ def _curves(table, kind):
     return found
 
 
-def _size(part, i, size, path, lines):
+def _size(part, i, size, path):
     """Of the grain of a row."""
     if "diameter" in part:
         edges = [part["diameter"][i]] * 3
@@ -230,21 +256,13 @@ def _size(part, i, size, path, lines):
             f'{path} has no size of its grains, expected a column "diameter [mm]", columns length, '
             "width and height, or --diameter"
         )
-    if min(edges) <= 0.0:
-        raise InputError(f"{path}, line {lines[i]}: size = {min(edges):g} m, expected > 0")
     return Size(*edges)
-
-
-def _check_positive(path, lines, values, name):
-    low = int(np.argmin(values))
-    if values[low] <= 0.0:
-        raise InputError(f"{path}, line {lines[low]}: {name} = {values[low]:g}, expected > 0")
 
 
 def _pressed(path, label, lines, part, size, notes):
     """A curve up to its largest displacement, whose force rises."""
     x, force = part["displacement"], part["force"]
-    own = [_size(part, i, size, path, lines) for i in range(x.size)]
+    own = [_size(part, i, size, path) for i in range(x.size)]
     if any(each != own[0] for each in own):
         raise InputError(
             f"{path}: curve {label} has sizes that differ, expected one; name curves in a column "
@@ -280,12 +298,17 @@ def _check_rising(path, label, lines, x, force):
         )
 
 
-def _rubbed(path, label, lines, part):
-    _check_positive(path, lines, part["normal_force"], "normal_force")
+def _rubbed(path, label, part):
     x, force = part["tangential_displacement"], part["tangential_force"]
     if force.max() <= 0.0 or np.ptp(x) <= 0.0:
         raise InputError(
             f"{path}: curve {label} has the largest tangential force {force.max():g} N over "
             f"{np.ptp(x):g} m, expected both > 0"
+        )
+    ratio = np.max(force / part["normal_force"])
+    if not FRICTION[0] <= ratio <= FRICTION[1]:
+        raise InputError(
+            f"{path}: curve {label} has the largest tangential over normal force {ratio:g}, "
+            f"expected {FRICTION[0]:g} to {FRICTION[1]:g}"
         )
     return Rubbed(label, x, force, part["normal_force"])

@@ -54,7 +54,8 @@ def draw_friction(path, curves, found):
             axis.plot(1e6 * curve.displacement, curve.force / curve.normal, ".", ms=2.5,
                       alpha=0.5, color=colour)  # fmt: skip
             axis.plot(1e6 * curve.displacement, force / curve.normal, color=colour, label=name)
-        axis.axhline(found.mu, color=style.GREY, lw=0.8, ls="--")
+        if found.sliding:
+            axis.axhline(found.mu, color=style.GREY, lw=0.8, ls="--")
         axis.set(xlabel="tangential displacement: µm", ylabel="tangential / normal force: –")
         axis.set(ylim=(0, None))
         if len(curves) <= NAMED:

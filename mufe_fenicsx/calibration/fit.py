@@ -6,7 +6,7 @@ their scatter, which is in proportion to the force beyond a part of the largest.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -49,7 +49,8 @@ class Fit:
     strain: float  #: largest plastic strain that any grain reached
     yields: float  #: largest approach over that of first yield
     straying: float  #: correlation of neighbours among the residuals
-    material: dict = field(default_factory=dict)  #: E, yield, hardening [Pa], given or found
+    held: list  #: names of unknowns at an end of what is sought, without an interval
+    material: dict  #: E, yield, hardening [Pa], given or found
 
     def interval(self, name, part=0.95):
         """Ends of the interval of confidence, in SI units."""
@@ -233,16 +234,18 @@ def _result(problem, best):
         best.jac, best.fun, [w.size for w in problem.weights], best.active_mask == 0
     )
     # From log H/Y to log H, and from parts to SI units.
-    n, at = len(problem.names), problem.num_material
-    turn = np.eye(n)
+    at = problem.num_material
+    turn = np.eye(len(problem.names))
     turn[at - 1, at - 2] = 1.0
     turn[at : at + problem.machine] *= problem.soft
     if problem.given.offset is None:
         turn[at + problem.machine :] *= problem.reach[:, None]
-    (log_E, log_Y, log_k), _, _ = problem.parts(best.x)
+    held = best.active_mask != 0
+    x = np.where(held, np.where(best.active_mask < 0, *problem.bounds()), best.x)
+    (log_E, log_Y, log_k), _, _ = problem.parts(x)
     E, Y = math.exp(log_E), math.exp(log_Y)
     H = Y * math.exp(log_k)
-    predicted = [found[0] for found in problem.predict(best.x)]
+    predicted = [found[0] for found in problem.predict(x)]
     parts = [
         (f - c.force) / np.maximum(f, FLOOR * c.force.max())
         for f, c in zip(predicted, problem.curves, strict=True)
@@ -252,8 +255,9 @@ def _result(problem, best):
     most = max(c.force.max() / c.size.radius**2 for c in problem.curves)
     onset = (2.5 * Y / problem.setup.modulus(E)) ** 2
     return Fit(
-        problem.names, turn @ best.x, turn @ covariance @ turn.T, freedom, predicted,
+        problem.names, turn @ x, turn @ covariance @ turn.T, freedom, predicted,
         float(np.sqrt(np.mean(residual**2))), float(np.interp(most, force, strain)),
         float(np.interp(most, force, delta) / onset), straying,
+        [n for n, is_held in zip(problem.names, held, strict=True) if is_held],
         {"E": E, "yield": Y, "hardening": H},
     )  # fmt: skip

@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from .covariance import covariance_of
+from .data import FRICTION
 
 #: Part of the way to sliding beyond which a curve tells the friction.
 SLIDES = 0.9
@@ -74,7 +75,7 @@ def fit_friction(curves):
               for s in (0.5, 1.5, 3.0)]  # fmt: skip
     # A curve that does not slide is a line: any larger friction fits as well.
     bounds = np.full(2 * n + 1, -np.inf), np.full(2 * n + 1, np.inf)
-    bounds[0][0], bounds[1][0] = math.log(1e-3), math.log(10.0)
+    bounds[0][0], bounds[1][0] = np.log(FRICTION)
     best = min(
         (least_squares(residual, np.clip(x, *bounds), bounds=bounds, x_scale="jac")
          for x in starts), key=lambda b: b.cost,

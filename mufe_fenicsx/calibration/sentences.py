@@ -13,10 +13,14 @@ WIDE = math.log(2.0)
 ALIKE = 0.95
 #: Approach over that of first yield below which the force is that of an elastic ball.
 ELASTIC = 1.9
+#: Deviation of forces over those of the model from which on it is not that of these grains.
+FAR = 0.3
 #: Correlation of neighbours among the residuals from which on the model is another one.
 STRAY = 0.5
 WORDS = {"E": "Young's modulus", "yield": "the yield stress", "hardening": "the hardening",
          "compliance": "the compliance of the machine"}  # fmt: skip
+#: Of unknowns, by the first word of their names.
+UNITS = {"E": "Pa", "yield": "Pa", "hardening": "Pa", "compliance": "m/N", "offset": "m"}
 
 
 def end_of_table(fit):
@@ -42,12 +46,19 @@ def yielded(fit):
 
 def limits_of(fit, given_E):
     """Sentences on what the curves do not determine."""
-    said = []
+    said = [
+        f"{name} = {with_unit(fit.value(name), UNITS[name.partition(' ')[0]])} is an end of what "
+        "is sought: it has no interval."
+        for name in fit.held
+        if yielded(fit) or name not in ("yield", "hardening")
+    ]
+    if fit.scatter > FAR:
+        said.append(f"The model does not fit: forces are {100 * fit.scatter:.0f} % off.")
     if not yielded(fit):
         return [
-            "No curve leaves the elastic branch: the yield stress is at least "
-            f"{with_unit(fit.material['yield'], 'Pa')}, hardening is not determined."
-        ]
+            *said, "No curve leaves the elastic branch: the yield stress is at least "
+            f"{with_unit(fit.material['yield'], 'Pa')}, hardening is not determined.",
+        ]  # fmt: skip
     strain, _, (low, high) = end_of_table(fit)
     for name in ("E", "yield"):
         if name not in fit.names:

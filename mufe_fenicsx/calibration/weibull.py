@@ -21,10 +21,14 @@ import numpy as np
 from scipy.optimize import brentq, minimize
 from scipy.stats import chi2
 
+from ..errors import InputError
+
 #: Of Hiramatsu and Oka.
 FACTOR = 0.9
 #: Largest over smallest size, and number of grains, from which on b is an unknown.
 SPREAD, ENOUGH = 1.5, 10
+#: Deviation of the logarithms of strengths below which no modulus is sought.
+ALIKE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -42,11 +46,6 @@ class Weibull:
     scaled: np.ndarray  #: the same brought to the size d₀, shape (num_grains,)
 
 
-def crushing_stress(force, diameter):
-    """σ = 0.9 F/d² [Pa] of forces [N] and diameters [m]; Hiramatsu and Oka 1966."""
-    return FACTOR * np.asarray(force) / np.asarray(diameter) ** 2
-
-
 def fit_weibull(forces, diameters):
     """Weibull modulus, strength and effect of size. Local.
 
@@ -56,15 +55,21 @@ def fit_weibull(forces, diameters):
 
     Returns:
         :class:`Weibull`.
+
+    Raises:
+        InputError: Strengths are alike, or hang on the size alone.
     """
-    stresses = crushing_stress(forces, diameters)
+    stresses = FACTOR * np.asarray(forces) / np.asarray(diameters) ** 2
     y, x = np.log(stresses), np.log(diameters)
     size = x.mean()
     x = x - size
     sought = bool(np.ptp(x) > math.log(SPREAD) and y.size >= ENOUGH)
     level = y.mean()
+    scatter = float(np.std(y - np.polyval(np.polyfit(x, y, int(sought)), x)))
+    if scatter < ALIKE:
+        raise InputError(f"strengths scatter by {scatter:.2g}, expected {ALIKE:g} of them or more")
     # Of the logarithms: log m, log σ₀ over the mean, b.
-    start = np.array([math.log(1.2 / max(y.std(), 1e-6)), 0.0, 0.0])[: 3 if sought else 2]
+    start = np.array([math.log(1.2 / scatter), 0.0, 0.0])[: 3 if sought else 2]
 
     def minus(p):
         m, b = math.exp(min(p[0], 50.0)), p[2] if sought else 0.0

@@ -66,10 +66,11 @@ def calibrate(
     """Material parameters, friction and strength from tests of single grains."""
     serial_only("calibrate")
     printer = Printer(json)
-    from ..calibration.calibrate import Options, platen_of
+    from ..calibration.calibrate import Options
     from ..calibration.calibrate import calibrate as fit_all
     from ..calibration.fit import Given
     from ..calibration.model import TESTS, Setup
+    from ..calibration.own_mesh import shape_of_run
 
     if test not in TESTS:
         raise InputError(f'--test "{test}", expected one of {", ".join(TESTS)}')
@@ -81,8 +82,9 @@ def calibrate(
         None if offset is None else to_si(number_or_text(offset), "m", "--offset"),
         compliance if sought else to_si(number_or_text(compliance), "m/N", "--compliance"),
     )
-    platens = platen_of(platen, lambda x, u: to_si(number_or_text(x), u, "--platen"))
-    setup = Setup(nu, test, platens, None if run is None else _shape(run))
+    if not sought and given.compliance < 0.0:
+        raise InputError(f"--compliance {compliance}, expected 0 or more")
+    setup = Setup(nu, test, _platen(platen), None if run is None else shape_of_run(run))
     options = Options(setup, given, _positive("--density", density, "kg/m^3"), _size(diameter))
     with progress_bar("calibrating") as progress:
         result = fit_all(data, options, output, overwrite, progress)
@@ -99,15 +101,22 @@ def _print(printer, result):
     printer.table(["parameter", ">value", ">95 %, from", ">to"], rows)
     printer.say(*result["notes"])
     if result["material"]:
-        lines = result["material"].splitlines()
+        lines = result["material"].strip().splitlines()
         printer.say("", *(line for line in lines if not line.startswith("#")), "")
     printer.say(f"tables and figures: {result['output']}")
 
 
-def _shape(run):
-    from ..calibration.own_mesh import shape_of_run
-
-    return shape_of_run(run)
+def _platen(text):
+    """Modulus [Pa] and Poisson's ratio of platens of a text "210 GPa,0.3"; None of "rigid"."""
+    if text == "rigid":
+        return None
+    modulus, comma, nu = (part.strip() for part in text.partition(","))
+    if not comma:
+        raise InputError(f'--platen "{text}", expected "rigid" or modulus and ν: "210 GPa,0.3"')
+    ratio = to_si(number_or_text(nu), "", "--platen")
+    if not 0.0 <= ratio < 0.5:
+        raise InputError(f"--platen ν = {nu}, expected 0 <= ν < 0.5")
+    return _positive("--platen", modulus, "Pa"), ratio
 
 
 def _positive(name, text, unit):

@@ -80,7 +80,8 @@ def test_what_is_written(tmp_path):
         ("displacement [um], force [N]\n1, a\n", "force"),
         ("velocity [m/s], mass [kg]\n1, 2\n", "velocity"),
         ("force [N]\n1\n", "1 grains"),
-        ("force [N]\n" + "1\n" * 4 + "-1\n", "> 0"),
+        ("force [N]\n" + "1\n" * 4 + "-1\n", "line 6: force = -1 N, expected 1e-15"),
+        ("force [N]\n" + "1\n" * 5, "strengths scatter by 0"),
         ("displacement [um], force [N]\n" + "".join(f"{x}, 0\n" for x in range(9)), "force > 0"),
         ("displacement [mm], force [N]\n" + RISING, "no ball is known"),
         ("", "no line"),
@@ -105,7 +106,11 @@ def test_a_table_without_sizes_and_a_command_without_them(tmp_path):
         ([], "no size"),
         (["--diameter", "-1 mm"], "--diameter"),
         (["--diameter", "1 mm", "--platen", "steel"], "--platen"),
+        (["--diameter", "1 mm", "--platen", "-210 GPa,0.3"], "--platen"),
         (["--diameter", "1 mm", "--compliance", "3 N"], "--compliance"),
+        (["--diameter", "1 mm", "--compliance", "-3 um/N"], "--compliance"),
+        (["--diameter", "1 mm", "--offset", "10 um"], "offset = 1e-05 m, expected less than"),
+        ([path, "--diameter", "1 mm"], "curve data is there twice"),
     ):
         status, lines = run_mufe("calibrate", path, "-o", tmp_path / "out", *given)
         assert status == 2 and len(lines) == 1 and said in lines[0], lines
