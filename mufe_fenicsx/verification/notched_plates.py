@@ -6,6 +6,7 @@ from ..bulk.cracks.cracks import Cracks
 from ..bulk.cracks.facets import Facets
 from ..bulk.tools import Tool
 from ..contact.walls import Wall
+from ..errors import InputError
 from ..geometry.bodies.shapes import box
 from ..geometry.bodies.slit_plate import slit_plate
 from ..loading.pressure import Pressure
@@ -136,13 +137,22 @@ def _plate(comm, size, h, tip, material, law, walls=(), **options):
 
 
 def _run(s, cracks, middle, end, front, way):
-    """Step until a time, or until the front has come so far; times and ways of the front."""
+    """Step until a time, or until the front has come so far; times and ways of the front.
+
+    Raises:
+        InputError: It does not leave the notch.
+    """
     times, fronts = [0.0], [0.0]
     while s.state.t < end and fronts[-1] < way:
         s.step(everywhere=False)
         if s.state.num_steps % LOOK == 0:
             times.append(s.state.t)
             fronts.append(front(_failed(cracks, middle)[0]))
+    if fronts[-1] <= 0.0:
+        raise InputError(
+            f"strength = {cracks.fracture.strength:g} Pa: no crack leaves the notch within "
+            f"{s.state.t:.3g} s, expected one"
+        )
     s.complete()
     return np.array(times), np.array(fronts)
 
