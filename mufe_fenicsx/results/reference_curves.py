@@ -134,7 +134,8 @@ def read_reference(reference: Reference) -> ReferenceCurves:
             _derive(found, table, "k0", side / stress, side + stress)
     if not any(what in found and any(o in found for o in over) for what, over, _ in COMPARED):
         raise InputError(
-            f"{table.where}: {', '.join(found)}, expected columns to compare, such as strain and stress"
+            f"{table.where}: {', '.join(found)}, expected columns to compare, such as strain and "
+            "stress"
         )
     return ReferenceCurves(table.path, reference.label, found)
 
