@@ -12,6 +12,13 @@ if TYPE_CHECKING:
 
 #: Characters of a value in a message.
 SHOWN = 60
+#: What signals that ask a program to end come from.
+ASKED_BY = {
+    signal.SIGINT: "Ctrl-C",
+    signal.SIGTERM: "a request to end (SIGTERM)",
+    signal.SIGUSR1: "a request to end (SIGUSR1)",
+    signal.SIGHUP: "a terminal that closed (SIGHUP)",
+}
 #: Largest number that a caller means: products of larger ones are not finite.
 LARGEST = 1e100
 #: Names count as misspelled from this ratio of :mod:`difflib` on.
@@ -37,13 +44,13 @@ class Interrupted(RuntimeError):
     """Somebody asked the program to end: by which signal, and what was kept.
 
     Args:
-        message: One line.
-        signal: Number of the signal.
+        number: Of the signal.
+        kept: What follows "stopped by …" in the message, one line.
     """
 
-    def __init__(self, message: str, signal: int):
-        super().__init__(message)
-        self.signal = int(signal)
+    def __init__(self, number: int, kept: str):
+        super().__init__(f"stopped by {ASKED_BY[number]}{kept}")
+        self.signal = int(number)
 
 
 def finite_array(name: str, value: object, shape: tuple[int, ...]) -> "np.ndarray":

@@ -265,7 +265,7 @@ def _told_to_end():
     """Requests to end raise `Interrupted` in the block, where nobody else waits for them."""
 
     def end(number, _):
-        raise Interrupted(f"stopped by {signal.Signals(number).name}, nothing is left", number)
+        raise Interrupted(number, ", nothing is left")
 
     ours = threading.current_thread() is threading.main_thread()
     numbers = [s for s in SIGNALS if ours and signal.getsignal(s) == signal.SIG_DFL]

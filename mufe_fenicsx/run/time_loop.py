@@ -1,7 +1,6 @@
 """The loop over time steps of a test, with rows, states and checkpoints as they fall due."""
 
 import math
-import signal
 
 from ..errors import Interrupted, SolverError
 from .progress_line import ProgressLine
@@ -75,8 +74,7 @@ def _interrupted(number, save, recorder, step, strain):
         _save_end(save, recorder)
     except SolverError as failure:
         what = f"where it had failed ({failure}): --resume goes on from the last checkpoint, if any"
-    name = signal.Signals(number).name
-    return Interrupted(f"stopped by {name} at step {step}, strain {strain:.4f}, {what}", number)
+    return Interrupted(number, f" at step {step}, strain {strain:.4f}, {what}")
 
 
 class EachStrain:

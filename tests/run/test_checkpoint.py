@@ -136,7 +136,7 @@ def test_resumed_runs_give_the_same_bytes(stopped, monkeypatch):
 
     monkeypatch.setattr(Recorder, "write_state", interrupt)
     monkeypatch.setattr(signals, "LATENCY", 1e-3)
-    with pytest.raises(Interrupted, match="stopped by SIGINT") as ended:
+    with pytest.raises(Interrupted, match="stopped by Ctrl-C") as ended:
         run(stopped, "parts", scene=OFTEN, resume=True)
     assert ended.value.signal == signal.SIGINT
     assert signal.getsignal(signal.SIGINT) is handler
@@ -373,7 +373,7 @@ def check_stopped_run(run_folder, status, error, number):
     assert status == 128 + number
     step = last_step(run_folder)
     lines = [line for line in error.splitlines() if line.startswith("mufe: ")]
-    assert len(lines) == 1 and f"{number.name} at step {step}," in lines[0], error
+    assert len(lines) == 1 and f"({number.name}) at step {step}," in lines[0], error
     summary = json.loads((run_folder / "run.json").read_text())
     assert summary["num_steps"] == step and number.name in summary["stop_reason"]
 
@@ -394,7 +394,7 @@ def test_a_signal_is_heard_while_all_begins_anew(folder, monkeypatch):
     monkeypatch.setattr(run_module.TestRun, "balance", balance)
     monkeypatch.setattr(run_module.TestRun, "begin_again", begin)
     monkeypatch.setattr(signals, "LATENCY", 1e-3)
-    with pytest.raises(Interrupted, match="stopped by SIGINT"):
+    with pytest.raises(Interrupted, match="stopped by Ctrl-C"):
         run(folder, "anew")
     monkeypatch.undo()
     assert run(folder, "anew", resume=True)["finished"]

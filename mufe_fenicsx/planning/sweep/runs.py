@@ -23,6 +23,8 @@ PROGRAM = (sys.executable, "-m", "mufe_fenicsx")
 PAUSE = 0.1
 #: Runs get this one to end after a checkpoint: Open MPI's mpirun passes no other on.
 TO_END = signal.SIGUSR1
+#: What follows where a sweep is interrupted.
+GO_ON = "; --resume goes on with the sweep"
 #: Signals that end a sweep.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP)
 
@@ -68,8 +70,7 @@ def make_packings(sweep: Sweep, folder, progress=None) -> list:
             try:
                 pack(source, settings, place, spheres=spheres, progress=progress)
             except (KeyboardInterrupt, Interrupted) as error:
-                number = getattr(error, "signal", signal.SIGINT)
-                raise _interrupted(number) from error
+                raise Interrupted(getattr(error, "signal", signal.SIGINT), GO_ON) from error
         found.append(place / "grains")
     return found
 
@@ -142,10 +143,10 @@ class Runner:
         """Where a signal came, let the runs write checkpoints and leave."""
         if not self._signal:
             return
-        ended = _interrupted(self._signal)
+        ended = Interrupted(self._signal, GO_ON)
         for number, process in self._running.items():
             with _log_of(self.folder, self.sweep.names[number]).open("a") as file:
-                file.write(f"the sweep was {ended}; it ends this run by {TO_END.name}\n")
+                file.write(f"the sweep was {ended}; it asks this run to end\n")
             process.send_signal(TO_END)
         for process in self._running.values():
             process.wait()
@@ -199,12 +200,6 @@ class Runner:
 def _log_of(folder, name):
     """What a run prints."""
     return Path(folder) / "logs" / f"{name}.log"
-
-
-def _interrupted(number):
-    """The error that ends a sweep on a signal."""
-    name = signal.Signals(number).name
-    return Interrupted(f"stopped by {name}; --resume goes on with the sweep", number)
 
 
 def _last_line(path):
