@@ -113,7 +113,7 @@ def run(folder, name, friction, lab, given):
 def tell(lab, curves):
     """Print how far stress, K0 and modulus of each branch are from those of the laboratory."""
     for d in differences(lab, curves):
-        if d.quantity in ("stress", "k0"):
+        if d.quantity in ("stress", "k0") and d.num_points:
             form = "+.1%" if d.relative else "+.3f"
             mean, most = f"{d.mean:{form}}", f"{d.largest:{form}}"
             print(f"  {d.quantity}, {d.branch}: {mean} in the mean, {most} at most")

@@ -8,7 +8,13 @@ import numpy as np
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.figure import file_name
-from mufe_fenicsx.results.reference_curves import BEYOND, NO_BRANCH, UNITS, differences
+from mufe_fenicsx.results.reference_curves import (
+    BEYOND,
+    NO_BRANCH,
+    NO_QUANTITY,
+    UNITS,
+    differences,
+)
 from mufe_fenicsx.units import with_unit
 
 #: Name of the file with the differences, without ending.
@@ -93,14 +99,14 @@ def compared(source):
 
 
 def left_out(found):
-    """Sentences on the measured points that are beyond the runs, or in branches that they lack.
+    """Sentences on the measured points beyond the runs, or of branches or quantities they lack.
 
     Args:
         found: As :func:`compared` has them, with the name of the ``run``.
     """
     by_run = {}
     for d in found:
-        if BEYOND in d["left_out"] or NO_BRANCH in d["left_out"]:
+        if any(why in d["left_out"] for why in (BEYOND, NO_BRANCH, NO_QUANTITY)):
             words = f"{WORDS[d['quantity']]} of {d['branch']}: {d['left_out']}"
             by_run.setdefault((d["reference"], d["run"]), []).append(words)
     sentences = {}

@@ -62,7 +62,8 @@ TURN = 0.02
 #: row is some way after strain 0.
 EDGE, START = 2e-3, 0.02
 #: Why points are not compared.
-BEYOND, NO_BRANCH = "beyond the run", "of a branch that the run has not"
+BEYOND = "beyond the run"
+NO_BRANCH, NO_QUANTITY = "of a branch that the run has not", "of a quantity that the run has not"
 #: Relative differences count where the measured value exceeds this part of its largest.
 COUNTS = 0.1
 
@@ -313,19 +314,21 @@ def differences(reference: ReferenceCurves, curves: Mapping[str, np.ndarray]) ->
     found = []
     pairs = _pairs(reference, curves)
     for what, over, relative in COMPARED:
-        both = [o for o in over if o in reference.columns and o in curves]
-        if what not in reference.columns or what not in curves or not both:
+        given = [o for o in over if o in reference.columns]
+        if what not in reference.columns or not given:
             continue
+        both = [o for o in given if o in curves and what in curves]
+        at = (both or given)[0]
         for number, (measured, own) in enumerate(pairs):
-            x, y = (reference.columns[name][measured] for name in (both[0], what))
+            x, y = (reference.columns[name][measured] for name in (at, what))
             known = np.isfinite(x) & np.isfinite(y)
             if not known.any():
                 continue
             branch = _name(number, _way(reference.columns)[measured])
-            names = reference.label, what, both[0], branch, relative
-            of_run = None if own is None else [
-                *(curves[name][own] for name in (both[0], what)), _start(own),
-            ]  # fmt: skip
+            names = reference.label, what, at, branch, relative
+            of_run = NO_BRANCH if both else NO_QUANTITY
+            if both and own is not None:
+                of_run = curves[at][own], curves[what][own], _start(own)
             found.append(_difference(names, x[known], y[known], of_run))
     if not any(d.num_points for d in found):
         raise InputError(_outside(reference, curves))
@@ -346,11 +349,12 @@ def _pairs(reference, curves):
 
 
 def _difference(names, x, y, of_run):
-    """:class:`Difference` of a branch from its points and those of the run, None without any."""
+    """:class:`Difference` of a branch from its points and those of the run, or why it has none."""
     relative = names[-1]
-    at, value = (np.array([], dtype=int), np.array([])) if of_run is None else _within(x, *of_run)
-    why = BEYOND if of_run is not None else NO_BRANCH
-    reasons, inside = [(len(x) - len(at), why)], len(at)
+    if isinstance(of_run, str):
+        return Difference(*names, 0, len(x), f"{len(x)} {of_run}")
+    at, value = _within(x, *of_run)
+    reasons, inside = [(len(x) - len(at), BEYOND)], len(at)
     if relative:
         counts = np.abs(y[at]) > COUNTS * np.abs(y[at]).max(initial=0.0)
         at, value = at[counts], value[counts]

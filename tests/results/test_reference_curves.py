@@ -161,13 +161,14 @@ def test_points_that_are_not_compared_are_counted(tmp_path):
     """The run only loads, from strain 1e-4 on to 0.01: σ = 100 MPa · ε.
 
     The point at strain 0 is its first row's, as is that at the end its last; two are beyond; of the
-    stress the first is below a tenth of the largest. Unloading has no branch to be compared with.
+    stress the first is below a tenth of the largest. Unloading has no branch to be compared with, and
+    K0 no values.
     """
     strain = np.linspace(1e-4, 0.009999, 201)
     run = {"strain": strain, "stress": 1e8 * strain, "volumetric_strain": strain.copy()}
-    text = "strain [-], stress [Pa], volumetric_strain [-]\n"
+    text = "strain [-], stress [Pa], volumetric_strain [-], k0 [-]\n"
     for e in (0, 0.005, 0.01, 0.011, 0.012, 0.011, 0.01):
-        text += f"{e}, {1e8 * e}, {e}\n"
+        text += f"{e}, {1e8 * e}, {e}, 0.5\n"
     given = read_reference(written(tmp_path, text))
     found = {(d.quantity, d.branch): d for d in differences(given, run)}
     counted = {key: (d.num_points, d.num_measured, d.left_out) for key, d in found.items()}
@@ -177,6 +178,8 @@ def test_points_that_are_not_compared_are_counted(tmp_path):
         ("volumetric_strain", "loading"): (3, 5, "2 beyond the run"),
         ("stress", "unloading"): absent,
         ("volumetric_strain", "unloading"): absent,
+        ("k0", "loading"): (0, 5, "5 of a quantity that the run has not"),
+        ("k0", "unloading"): (0, 3, "3 of a quantity that the run has not"),
     }
     assert found["stress", "unloading"].mean is None
     values = values_beside(given, run)["volumetric_strain"]
