@@ -84,9 +84,12 @@ def write_report(
 
     Raises:
         InputError: There is no run in a folder, a grain or point is not in it, the same run is
-            given twice, an overlay cannot be read or is out of the range of all runs, or the
-            report cannot be written.
+            given twice, an overlay cannot be read, has the name of another one or is out of the
+            range of all runs, or the report cannot be written.
     """
+    names = [Path(path).stem for path in overlays]
+    if len(set(names)) < len(names):
+        raise InputError(f"overlays are named {', '.join(names)}, expected names that differ")
     folders = [Path(runs)] if isinstance(runs, str | Path) else [Path(run) for run in runs]
     if len(folders) == 1:
         wanted = _wanted(only, skip, NAMES)

@@ -108,7 +108,7 @@ def read_reference(reference: Reference) -> ReferenceCurves:
     """Read measured curves. Local.
 
     Porosity n gives the void ratio n/(1-n) where that has no column; the stress of the sides over
-    the vertical one gives K₀.
+    the vertical one gives K₀, nan where that is 0.
 
     Args:
         reference: File, label and columns.
@@ -126,30 +126,24 @@ def read_reference(reference: Reference) -> ReferenceCurves:
     for name, numbers in found.items():
         if np.isnan(numbers).all():
             raise InputError(f"{table.path}: {name} has no number, expected one at least")
-    with np.errstate(divide="ignore", invalid="ignore"):
-        if "porosity" in found:
-            given = found["porosity"]
-            _derive(found, table, "void_ratio", given / (1.0 - given), given)
-        if {"stress", "side_stress"} <= set(found):
-            side, stress = found["side_stress"], found["stress"]
-            _derive(found, table, "k0", side / stress, side + stress)
+    if "porosity" in found:
+        n = found["porosity"]
+        if (n >= 1.0).any():
+            row = int(np.argmax(n >= 1.0))
+            raise InputError(
+                f"{table.path}, line {table.rows[row][0]}: porosity = {n[row]:g}, expected less "
+                "than 1"
+            )
+        found.setdefault("void_ratio", n / (1.0 - n))
+    if {"stress", "side_stress"} <= set(found):
+        stress = np.where(found["stress"] == 0.0, np.nan, found["stress"])
+        found.setdefault("k0", found["side_stress"] / stress)
     if not any(what in found and any(o in found for o in over) for what, over, _ in COMPARED):
         raise InputError(
             f"{table.where}: {', '.join(found)}, expected columns to compare, such as strain and "
             "stress"
         )
     return ReferenceCurves(table.path, reference.label, found)
-
-
-def _derive(found, table, name, numbers, given):
-    """Add a quantity that follows from others unless it is there; it is nan where they are."""
-    wrong = ~np.isfinite(numbers) & np.isfinite(given)
-    if name not in found and wrong.any():
-        raise InputError(
-            f"{table.path}, line {table.rows[int(np.argmax(wrong))][0]}: {name} is not finite, "
-            "expected a porosity below 1 and a stress that is not zero"
-        )
-    found.setdefault(name, numbers)
 
 
 def references_of(scene: Mapping) -> list[Reference]:

@@ -89,6 +89,8 @@ def test_an_overlay_that_is_no_use_is_one_line(run, tmp_path, capfd):
     assert not (tmp_path / "page").exists()
     with pytest.raises(InputError, match="cannot be read"):
         write_report(run, overlays=[tmp_path / "absent.csv"])
+    with pytest.raises(InputError, match=r"overlays are named lab, lab, expected names that"):
+        write_report(run, overlays=["a/lab.csv", "b/lab.csv"])
 
 
 def test_a_test_by_stages_has_its_path_beside_the_measured_one(tmp_path):
