@@ -113,7 +113,7 @@ def other_course(elements):
     modulus = STEEL[0] / (1 - STEEL[1] ** 2) / E
     most, steps, found = 1.05 * DEPTH, 24, []
     for n in (steps, steps // 2):
-        ball = BallOnPlaten(material, 1.4 * math.sqrt(most), elements, 3, "smooth", modulus=modulus)
+        ball = BallOnPlaten(material, 1.4 * math.sqrt(most), elements, 3, modulus=modulus)
         states = [ball.press(most * (k / n) ** 2) for k in range(1, n + 1)]
         found.append(np.array([(s.delta, s.force * E) for s in states]))
     many, few = found[0][1::2], found[1]

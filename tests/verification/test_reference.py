@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.theory import finite_sphere, hertz, plastic_contact
 from mufe_fenicsx.verification import reference
 from mufe_fenicsx.verification.axisymmetric.solver import Ball
@@ -67,7 +67,7 @@ def test_an_approach_beyond_the_table_is_refused():
 
 def test_a_ball_is_let_go():
     """A table takes hundreds, and each holds communicators, of which MPI has 2048."""
-    ball = Ball(Elastic(1e11, 0.15, 2650.0), 0.2, elements=2)
+    ball = Ball(J2(1e11, 0.15, 2650.0, ((0.0, 1e9), (1.0, 2e9))), 0.2, elements=2, surface=1)
     assert ball.press(0.01).force > 0.0
     last = weakref.ref(ball)
     del ball

@@ -13,7 +13,6 @@ from ufl import (
     as_vector,
     conditional,
     det,
-    div,
     exp,
     grad,
     inner,
@@ -35,47 +34,40 @@ class Motion:
     """
 
     def __init__(self, r, u):
-        self.r, self.u = r, u
+        self.r = r
         self.F = Identity(2) + grad(u)
         self.hoop = 1 + u[0] / r
         self.J = det(self.F) * self.hoop
 
 
-def deviator(now, before, state, shear, table, finite):
+def deviator(now, before, state, shear, table):
     """Deviator and plastic strain at the end of a step.
 
     Args:
         now, before: :class:`Motion` at the end and at the start.
         state: At the start: deviator (rr, zz, hoop, rz) and plastic strain.
         shear: G.
-        table: Points (plastic strain, yield stress), flat beyond the last; none if elastic.
-        finite: Large strain and rotation, or linear kinematics.
+        table: Points (plastic strain, yield stress), flat beyond the last.
 
     Returns:
         A vector as ``state``.
     """
-    if finite:
-        L = (now.F - before.F) * inv(0.5 * (now.F + before.F))
-        hoop = 2 * (now.hoop - before.hoop) / (now.hoop + before.hoop)
-    else:
-        L, hoop = now.F - before.F, now.hoop - before.hoop
+    L = (now.F - before.F) * inv(0.5 * (now.F + before.F))
+    hoop = 2 * (now.hoop - before.hoop) / (now.hoop + before.hoop)
     third = (tr(L) + hoop) / 3
     # Half of the increment turns along with the stress, and the other half not.
     half = [shear * x for x in (L[0, 0] - third, L[1, 1] - third, hoop - third)]
     half.append(0.5 * shear * (L[0, 1] + L[1, 0]))
     rr, zz, tt, rz = (state[i] + half[i] for i in range(4))
-    if finite:
-        q = 0.25 * (L[1, 0] - L[0, 1])  # tangent of half the angle
-        c, s = (1 - q**2) / (1 + q**2), 2 * q / (1 + q**2)
-        rr, zz, rz = (
-            c**2 * rr - 2 * c * s * rz + s**2 * zz,
-            s**2 * rr + 2 * c * s * rz + c**2 * zz,
-            c * s * (rr - zz) + (c**2 - s**2) * rz,
-        )
+    q = 0.25 * (L[1, 0] - L[0, 1])  # tangent of half the angle
+    c, s = (1 - q**2) / (1 + q**2), 2 * q / (1 + q**2)
+    rr, zz, rz = (
+        c**2 * rr - 2 * c * s * rz + s**2 * zz,
+        s**2 * rr + 2 * c * s * rz + c**2 * zz,
+        c * s * (rr - zz) + (c**2 - s**2) * rz,
+    )
     trial = as_vector([rr, zz, tt, rz]) + as_vector(half)
     alpha = state[4]
-    if not table:
-        return as_vector([*(trial[i] for i in range(4)), alpha])
     # No stress at all has no direction: far below any yield stress it does not matter.
     q = sqrt(max_value(von_mises2(trial), (1e-6 * table[0][1]) ** 2))
     dp = plastic_increment(q, alpha, shear, table)
@@ -100,7 +92,7 @@ def plastic_increment(q, alpha, shear, table):
     return dp
 
 
-def virtual_work(now, t, p, v, q, bulk, finite):
+def virtual_work(now, t, p, v, q, bulk):
     """Internal virtual work over the first volume, and the weak form of p = K ln J.
 
     The pressure is a field of its own (P2 displacements, P1 pressure: Taylor & Hood), so that
@@ -109,13 +101,9 @@ def virtual_work(now, t, p, v, q, bulk, finite):
     """
     r = now.r
     g, hoop = grad(v), v[0] / r
-    if finite:
-        cofactor = det(now.F) * inv(now.F).T
-        volume = now.hoop * inner(cofactor, g) + det(now.F) * hoop
-        g, hoop = g * inv(now.F), hoop / now.hoop
-        constraint = now.J - exp(p / bulk)
-    else:
-        volume = div(v) + hoop
-        constraint = div(now.u) + now.u[0] / r - p / bulk
+    cofactor = det(now.F) * inv(now.F).T
+    volume = now.hoop * inner(cofactor, g) + det(now.F) * hoop
+    g, hoop = g * inv(now.F), hoop / now.hoop
+    constraint = now.J - exp(p / bulk)
     shape = t[0] * g[0, 0] + t[1] * g[1, 1] + t[2] * hoop + t[3] * (g[0, 1] + g[1, 0])
     return shape + p * volume + constraint * q

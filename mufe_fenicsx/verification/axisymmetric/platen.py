@@ -22,8 +22,8 @@ class BallOnPlaten(Ball):
         others: Of :class:`~.solver.Ball`.
     """
 
-    def __init__(self, *others, modulus, **options):
-        super().__init__(*others, **options)
+    def __init__(self, *others, modulus):
+        super().__init__(*others)
         self.modulus = modulus
         self.sunk = np.zeros(self.along.size)
 

@@ -42,7 +42,7 @@ def press(nu, Y, k, largest, steps=STEPS, elements=ELEMENTS, surface=SURFACE):
     # An elastic contact has √δ; what flows piles up.
     elastic = largest < 4 * (2.5 * Y) ** 2
     radius = (1.05 if elastic else 1.45) * math.sqrt(largest)
-    ball = Ball(material, radius, elements, surface, "smooth")
+    ball = Ball(material, radius, elements, surface)
     rows = []
     for i in range(1, steps + 1):
         state = ball.press(largest * (i / steps) ** 2)

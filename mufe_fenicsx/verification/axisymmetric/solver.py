@@ -2,7 +2,7 @@
 
 A reference that shares no code with the three-dimensional model: DOLFINx forms, Newton's method,
 a contact without any compliance. By symmetry half of the ball, as a quarter disc (r, z), whose
-base is held and onto whose pole a smooth plane moves. Lengths are in radii of the ball,
+base slides in its plane and onto whose pole a smooth plane moves. Lengths are in radii of the ball,
 stresses in units of Young's modulus.
 
 No node may pass the plane, z + u_z <= 1 - δ: with λ >= 0 the force of the plane on a node and
@@ -24,12 +24,10 @@ from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ...errors import InputError
 from ...kernels.build.compiled_forms import compiled_form
 from . import law
 from .mesh import quarter_disc
 
-BASES = ("smooth", "glued")
 #: Degree up to which integrals are exact.
 DEGREE = 4
 #: Line searches, one after the other until one converges: full steps overshoot where much flows,
@@ -41,22 +39,16 @@ HALVINGS = 5
 
 @dataclass(frozen=True)
 class State:
-    """A ball at rest; stresses over E, lengths over R, forces over E R².
-
-    Places are those of the deformed ball, with linear kinematics those of the first one.
-    """
+    """A ball at rest; lengths over R, forces over E R²."""
 
     delta: float  #: approach of plane and base
-    force: float
-    radius: np.ndarray  #: distances of the nodes of the surface from the axis, rising
-    gap: np.ndarray  #: from the plane
-    push: np.ndarray  #: forces of the plane on the circles through them
-    places: np.ndarray  #: (r, depth below the plane) of the material points, shape (n, 2)
-    t: np.ndarray  #: deviator of the Kirchhoff stress (rr, zz, hoop, rz), shape (n, 4)
-    strain: np.ndarray  #: plastic strain
-    pressure: np.ndarray  #: mean stress, tension positive
-    J: np.ndarray  #: current over first volume; 1 with linear kinematics
-    h: float  #: length of edges on the surface
+    push: np.ndarray  #: forces of the plane on the circles through the nodes of the surface
+    strain: np.ndarray  #: plastic strain of the material points
+
+    @property
+    def force(self):
+        """Of the plane."""
+        return float(self.push.sum())
 
 
 class BallForms:
@@ -64,17 +56,17 @@ class BallForms:
 
     Args:
         mesh: Of the quarter disc (r, z).
-        material, finite: As of :class:`Ball`.
+        material: As of :class:`Ball`.
 
     Attributes:
         W: Space of displacement and mean stress.
         w, w_before: Functions on it, now and at the start of the step.
         state: Deviator and plastic strain at the start of the step.
         residual, tangent: Compiled forms.
-        values: Of the present state: deviator and plastic strain, place, mean stress, volume ratio.
+        values: Of the present state: deviator and plastic strain, volume ratio.
     """
 
-    def __init__(self, mesh, material, finite):
+    def __init__(self, mesh, material):
         mixed = basix.ufl.mixed_element(
             [
                 basix.ufl.element("Lagrange", "triangle", 2, shape=(2,)),
@@ -86,7 +78,8 @@ class BallForms:
         self.w, self.w_before = fem.Function(self.W), fem.Function(self.W)
         self.state = fem.Function(fem.functionspace(mesh, quadrature))
 
-        points = _table(material)
+        # Plastic strain, yield stress over E.
+        points = material.parameters()[2:].reshape(2, -1).T / (1.0, material.E)
         moduli = np.array([material.bulk_modulus, material.shear_modulus]) / material.E
         values = np.concatenate([moduli, np.ravel(points)])
         parameters = fem.Constant(mesh, values)
@@ -98,14 +91,12 @@ class BallForms:
         v, q = ufl.TestFunctions(self.W)
         now = law.Motion(X[0], u)
         before = law.Motion(X[0], ufl.split(self.w_before)[0])
-        state = law.deviator(now, before, self.state, shear, table, finite)
+        state = law.deviator(now, before, self.state, shear, table)
         dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": DEGREE})
-        work = 2 * math.pi * X[0] * law.virtual_work(now, state, p, v, q, bulk, finite) * dx
+        work = 2 * math.pi * X[0] * law.virtual_work(now, state, p, v, q, bulk) * dx
         self.residual = compiled_form(work)
         self.tangent = compiled_form(ufl.derivative(work, self.w))
-        places = X + u if finite else X
-        volume = now.J if finite else ufl.as_ufl(1.0)
-        rows = [*(state[i] for i in range(5)), places[0], places[1], p, volume]
+        rows = [*(state[i] for i in range(5)), now.J]
         where, _ = basix.make_quadrature(basix.CellType.triangle, DEGREE)
         self.values = fem.Expression(ufl.as_vector(rows), where)
 
@@ -114,30 +105,25 @@ class Ball:
     """Half a ball on its base, and a plane on its pole. One rank.
 
     Args:
-        material: :class:`~mufe_fenicsx.materials.elastic.Elastic` or
-            :class:`~mufe_fenicsx.materials.j2.J2`.
+        material: :class:`~mufe_fenicsx.materials.j2.J2`.
         contact_radius: Largest one expected, for the mesh.
         elements: Edges per that radius, but for ``surface``.
         surface: How much shorter edges are on the surface. A node is closed or open, so that the
             area that carries a perfectly plastic contact, and the force, grows in steps.
-        base: "smooth" slides freely in its plane, "glued" does not.
-        finite: Large strain and rotation, or linear kinematics.
     """
 
-    def __init__(self, material, contact_radius, elements, surface=1, base="smooth", finite=True):
-        if base not in BASES:
-            raise InputError(f'base = "{base}", expected "' + '" or "'.join(BASES) + '"')
+    def __init__(self, material, contact_radius, elements, surface):
         # All sizes shrink alike.
         self.h = contact_radius / (elements * surface)
         self.mesh = quarter_disc(
             self.h, 7.2 / elements, min(1.3 * contact_radius, 0.8), min(4.8 / elements, 0.15)
         )
-        self.finite, self.delta = finite, 0.0
-        self.forms = BallForms(self.mesh, material, finite)
-        self._holds(base, min(3 * contact_radius, 0.9))
+        self.delta = 0.0
+        self.forms = BallForms(self.mesh, material)
+        self._holds(min(3 * contact_radius, 0.9))
         self._solver()
 
-    def _holds(self, base, reach):
+    def _holds(self, reach):
         def dofs(component, where):
             part = self.forms.W.sub(0).sub(component)
             collapsed, _ = part.collapse()
@@ -148,14 +134,10 @@ class Ball:
             return (np.abs(np.hypot(x[0], x[1]) - 1) < 1e-9) & (x[0] < reach)
 
         held = [dofs(0, lambda x: x[0] < 1e-12)[0], dofs(1, lambda x: x[1] < 1e-12)[0]]
-        if base == "glued":
-            held.append(dofs(0, lambda x: x[1] < 1e-12)[0])
         self.held = np.unique(np.concatenate(held))
-        across, place = dofs(0, on_surface)
-        along, same = dofs(1, on_surface)
-        order = np.argsort(same[:, 0])
-        self.across, self.along = across[np.argsort(place[:, 0])], along[order]
-        self.first = same[order]
+        along, place = dofs(1, on_surface)
+        order = np.argsort(place[:, 0])
+        self.along, self.first = along[order], place[order]
 
     def _solver(self):
         self.A = petsc.create_matrix(self.forms.tangent)
@@ -220,7 +202,7 @@ class Ball:
                     f"approach = {delta:g} R: Newton's method ended with "
                     f"{self.snes.getConvergedReason()}, expected to converge"
                 )
-        return self._measured()
+        return State(self.delta, -self.R.array_r[self.along], self.last[..., 4].ravel())
 
     def _newton(self, delta, search):
         """True and the state of that approach, or False and that of before."""
@@ -239,7 +221,7 @@ class Ball:
             return False
         self._assemble(self.x)
         self.last = self.forms.values.eval(self.mesh, np.arange(self._num_cells(), dtype=np.int32))
-        if not np.isfinite(self.last).all() or self.last[..., 8].min() <= 0:
+        if not np.isfinite(self.last).all() or self.last[..., 5].min() <= 0:
             return False
         dofs = self.forms.state.function_space.dofmap.list
         self.forms.state.x.array.reshape(-1, 5)[dofs] = self.last[..., :5]
@@ -250,32 +232,3 @@ class Ball:
 
     def _num_cells(self):
         return self.mesh.topology.index_map(2).size_local
-
-    def _measured(self):
-        push = -self.R.array_r[self.along]
-        values, top = self.last.reshape(-1, 9), 1 - self.finite * self.delta
-        return State(
-            delta=self.delta,
-            force=float(push.sum()),
-            radius=self.first[:, 0] + self.finite * self.x.array_r[self.across],
-            gap=self._gap(self.x),
-            push=push,
-            places=np.column_stack([values[:, 5], top - values[:, 6]]),
-            t=values[:, :4],
-            strain=values[:, 4],
-            pressure=values[:, 7],
-            J=values[:, 8],
-            h=self.h,
-        )
-
-
-def _table(material):
-    """Points (plastic strain, yield stress over E), at least two or none."""
-    if not hasattr(material, "yield_stress"):
-        return []
-    row = material.parameters()
-    points = row[2:].reshape(2, -1).T / (1.0, material.E)
-    if len(points) == 1:
-        # The same forms, and so the same compiled code, for one and for two points.
-        points = np.vstack([points, [[1.0, points[0, 1]]]])
-    return [tuple(point) for point in points]
