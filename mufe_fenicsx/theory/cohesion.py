@@ -67,14 +67,3 @@ def compressive_strength(shear_ratio, friction):
     section 4.6.
     """
     return 2.0 * shear_ratio * (math.hypot(1.0, friction) + friction)
-
-
-def weibull_modulus(strengths):
-    """Modulus m of some strengths, by the line of ln(-ln P) over ln σ, P = 1 - (k - 1/2)/n [-].
-
-    Source: G. R. McDowell, M. D. Bolton, Géotechnique 48, 1998, 667-679; ranks k of n as of
-    J. Hazen.
-    """
-    ordered = np.sort(strengths)
-    survive = 1.0 - (np.arange(ordered.size) + 0.5) / ordered.size
-    return float(np.polyfit(np.log(ordered), np.log(-np.log(survive)), 1)[0])

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..bulk.cracks.cracks import Cracks
+from ..calibration.weibull import fit_weibull
 from ..contact.walls import Wall
 from ..materials.elastic import Elastic
 from ..materials.fracture import Fracture
 from ..run.from_bodies import build
-from ..theory.cohesion import weibull_modulus
 from .ball_crushing import flattened_ball
 from .case import case, compare
 
@@ -58,7 +58,10 @@ def crushing_strengths(
         *found[k, i], s = crush(comm, body, diameters[k], own, speed)
         simulations.append(s)
     strengths, drawn = np.moveaxis(found, 2, 0)
-    m, given = (np.mean([weibull_modulus(some) for some in of]) for of in (strengths, drawn))
+    same = np.ones(number)
+    m, given = (
+        np.mean([fit_weibull(some, same).modulus for some in of]) for of in (strengths, drawn)
+    )
     slope = np.polyfit(np.log(diameters), np.log(strengths).mean(axis=1), 1)[0]
     over = strengths / drawn
     results = {
