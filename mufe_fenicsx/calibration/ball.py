@@ -16,7 +16,7 @@ Contacts that are smaller than those of the table are alike: all lengths of the 
 
 import csv
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -84,20 +84,15 @@ class BallTable:
 
     @cached_property
     def _bases(self):
-        return _splines(tuple(self.yields), tuple(self.hardening))
+        """Splines that are 1 at one point of the grid each and 0 at the others."""
+        grid = np.log(self.yields), np.log1p(self.hardening / KNEE)
+        return tuple(CubicSpline(x, np.eye(x.size)) for x in grid)
 
 
-@lru_cache(maxsize=4)
-def _splines(yields, hardening):
-    """Splines that are 1 at one point of the grid each and 0 at the others."""
-    y, t = np.log(yields), np.log1p(np.array(hardening) / KNEE)
-    return CubicSpline(y, np.eye(y.size)), CubicSpline(t, np.eye(t.size))
-
-
-@lru_cache(maxsize=2)
-def load(path=TABLE):
-    """The table that the package has, or another of this form: a :class:`BallTable`."""
-    with open(path, encoding="utf-8", newline="") as file:
+@cache
+def load():
+    """The table that the package has, a :class:`BallTable`."""
+    with open(TABLE, encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     names = ("nu", "approach", "yield", "hardening")
     at = [np.array([float(row[name]) for row in rows]) for name in names]

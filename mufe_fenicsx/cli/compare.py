@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperCommand
 
 from .app import Json, Overwrite, app, serial_only
-from .arguments import lengths, voxel_edges
+from .arguments import ratio, voxel_edges
 from .terminal import Printer, progress_bar
 
 #: What is printed of each scan; the report and JSON have all.
@@ -104,11 +104,5 @@ def compare(
 
 def _strains(text):
     """Numbers of a text with commas; () where there is none."""
-    from ..errors import InputError
-
-    found = lengths(text)
-    found = [] if found is None else found if isinstance(found, list) else [found]
-    for value in found:
-        if not isinstance(value, float):
-            raise InputError(f'--strain "{text}", expected numbers with commas: 0.01,0.05')
-    return tuple(found)
+    parts = [] if text is None else text.split(",")
+    return tuple(ratio("--strain", part.strip()) for part in parts)

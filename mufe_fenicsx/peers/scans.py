@@ -71,7 +71,7 @@ def compare_scans(
             else:
                 new = bodies_of(later, str(labels[k + 1]))
                 told = progress and (lambda done, n, text=names[k]: progress(done, n, text))
-                track = track_bodies(first, new, size, before, told, (labels[0], labels[k + 1]))
+                track = track_bodies(first, new, size, (labels[0], labels[k + 1]), before, told)
                 before = track
             strain = strains[k] if strains else None
             pair = (images[0], later)

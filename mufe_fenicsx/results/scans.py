@@ -432,19 +432,14 @@ def _numbers(table, track, voxel_size, moment):
             for prefix in ("", "run_"):
                 numbers[f"mean_{prefix}{name}"] = _mean(table[prefix + name])
             both = table[[name, f"run_{name}"]].dropna()
-            numbers[f"correlation_{name}"] = (
-                float(np.corrcoef(both.T.to_numpy())[0, 1]) if len(both) > 2 else np.nan
-            )
+            known = len(both) > 2 and both.std().min() > 0.0
+            numbers[f"correlation_{name}"] = float(both.corr().iloc[0, 1]) if known else np.nan
     if "dice" in table:
         numbers["mean_dice"] = _mean(table["dice"])
         scan, own = table.attrs["contacts"], table.attrs["run_contacts"]
         for prefix, (old, new) in (("", scan), ("run_", own)):
-            numbers[f"{prefix}contacts_before"], numbers[f"{prefix}contacts_now"] = (
-                len(old),
-                len(new),
-            )
-            numbers[f"{prefix}contacts_gained"] = len(new - old)
-            numbers[f"{prefix}contacts_lost"] = len(old - new)
+            counts = {"before": old, "now": new, "gained": new - old, "lost": old - new}
+            numbers |= {f"{prefix}contacts_{name}": len(pairs) for name, pairs in counts.items()}
         numbers["contacts_now_in_both"] = len(scan[1] & own[1])
     return numbers
 

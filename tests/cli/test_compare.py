@@ -99,7 +99,7 @@ def test_a_run_against_its_images(mufe, place):
             ("scan0.tif", "scan1.tif", "--strain", "1,2"),
             "2 strains of 1 later scans, expected as many",
         ),
-        (("scan0.tif", "scan1.tif", "--strain", "a"), '--strain "a", expected numbers with commas'),
+        (("scan0.tif", "scan1.tif", "--strain", "a"), '--strain = "a", expected a number'),
     ],
 )
 def test_what_does_not_belong_to_a_run_is_refused(mufe, place, words, said):

@@ -28,18 +28,8 @@ class Track:
         return np.isfinite(self.displacement).all(axis=1)
 
 
-def track_labels(first, second, voxel_size, before=None, progress=None, names=("", "")):
-    """Find the grains of a first scan in a later one.
-
-    Args:
-        first, second: Labels of both scans on the same voxels, (z, y, x), 0 is void.
-        voxel_size: [m].
-        before: :class:`Track` to a scan in between, from which search begins; None: none.
-        progress: Called with the numbers of grains done and of all.
-        names: Of the scans in messages.
-
-    Returns:
-        :class:`Track`. Grains that the border cuts have one too: by what is seen of them.
+def track_labels(first, second, voxel_size, names=("", "")):
+    """:func:`track_bodies` of labels on the same voxels, (z, y, x), 0 is void.
 
     Raises:
         InputError: The scans have different shapes, or one has no grain, or none is found again.
@@ -49,11 +39,25 @@ def track_labels(first, second, voxel_size, before=None, progress=None, names=("
             f"labels {names[1]} have shape {second.shape}, expected {first.shape} as {names[0]}"
         )
     old, new = (bodies_of(x, name) for x, name in zip((first, second), names, strict=True))
-    return track_bodies(old, new, voxel_size, before, progress, names)
+    return track_bodies(old, new, voxel_size, names)
 
 
-def track_bodies(old, new, voxel_size, before=None, progress=None, names=("", "")):
-    """:func:`track_labels` of :class:`~.bodies.Bodies`."""
+def track_bodies(old, new, voxel_size, names, before=None, progress=None):
+    """Find the grains of a first scan in a later one.
+
+    Args:
+        old, new: :class:`~.bodies.Bodies` of both scans.
+        voxel_size: [m].
+        names: Of the scans in messages.
+        before: :class:`Track` to a scan in between, from which search begins; None: none.
+        progress: Called with the numbers of grains done and of all.
+
+    Returns:
+        :class:`Track`. Grains that the border cuts have one too: by what is seen of them.
+
+    Raises:
+        InputError: No grain is found again.
+    """
     n = len(old.label)
     start, expected = [Rotation.identity()] * n, None
     if before is not None and before.found.any():

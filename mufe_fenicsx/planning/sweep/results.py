@@ -24,7 +24,7 @@ TABLE, LOOP = "table.csv", "grainlearning"
 #: What the page and the terminal show of it.
 SHOWN = ("strain at the end [-]", "peak stress [Pa]", "K0 at peak stress [-]",
          "modulus of loading [Pa]", "modulus of unloading [Pa]")  # fmt: skip
-#: Names of quantities in the tables of GrainLearning, where SI units are understood.
+#: Ends of the names of GrainLearning's files, which hold SI units.
 FILES = ("_sim.txt", "_param.txt")
 
 
