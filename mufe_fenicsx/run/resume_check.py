@@ -18,14 +18,21 @@ def grains_checksum(comm, grains_folder):
     Raises:
         InputError: There is none.
     """
-    return comm.bcast(on_first_rank(comm, lambda: _checksum_of_grains(Path(grains_folder))))
+    found = on_first_rank(comm, lambda: file_checksum(file_of_grains(grains_folder)))
+    return comm.bcast(found)
 
 
-def _checksum_of_grains(path):
+def file_of_grains(path):
+    """The file of grains in a folder, or that it is itself. Local.
+
+    Raises:
+        InputError: There is none.
+    """
+    path = Path(path)
     file = path / "grains.h5" if path.is_dir() else path
     if not file.exists():
         raise InputError(f"grains = {path} has no grains, expected a folder that `mufe mesh` wrote")
-    return file_checksum(file)
+    return file
 
 
 #: Keys of a scene that may differ where a run goes on, beside when the test ends; tables that

@@ -8,6 +8,7 @@ from pathlib import Path
 from ...errors import InputError, shown
 from ...machine.files import check_place, reason, regular, write_atomically
 from ...results.reference_curves import read_reference
+from ...run.resume_check import file_of_grains
 from ...scene import Scene, load_scene
 from ...scene.values import build
 from ...synthetic.rigid_packing.settings import PackSettings
@@ -113,7 +114,7 @@ def kept_sweep(scene, folder, grains=None) -> Sweep:
     kept = _kept(Path(folder) / KEPT)
     place = grains or (None if kept["grains"] is None else Path(kept["grains"]))
     rows = [{key: text for key, text in row.items() if key != "name"} for row in kept["runs"]]
-    sweep = Sweep(Path(scene), rows, place, kept.get("described"))
+    sweep = Sweep(Path(scene), rows, place, kept["described"])
     _check(sweep, [])
     return sweep
 
@@ -145,11 +146,14 @@ def _check_row(sweep, number):
         pack_settings(packing)
         if sweep.grains is not None:
             raise InputError(f"--grains beside {packing[0][0]}, expected one of them")
-    elif sweep.grains is None and loaded.sample.grains is None:
+        return
+    place = sweep.grains or loaded.sample.grains
+    if place is None:
         raise InputError(
             "sample.grains is missing, expected the folder that `mufe mesh` wrote, --grains, or "
             f"--set {PACK}count=… and so on for packings"
         )
+    file_of_grains(place)
 
 
 def pack_settings(packing):
@@ -234,9 +238,11 @@ def _kept(path):
     """
     try:
         kept = json.loads(regular(path).read_text(encoding="utf-8"))
-        if kept["runs"] and "grains" in kept:
+        texts = [*kept["runs"][0], kept["grains"] or "", *(kept["described"] or ())]
+        texts += [text for row in kept["runs"] for text in row.values()]
+        if all(isinstance(text, str) for text in texts):
             return kept
-        why = "it has no runs"
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        why = "its values are no texts"
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         why = reason(error)
     raise InputError(f"{path} cannot be read ({why}), expected the folder of a sweep to resume")

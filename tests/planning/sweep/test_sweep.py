@@ -61,6 +61,8 @@ history = 11
 def scene(tmp_path):
     path = tmp_path / "tiny.toml"
     path.write_text(SCENE)
+    (tmp_path / "grains").mkdir()
+    (tmp_path / "grains" / "grains.h5").touch()
     return path
 
 
@@ -78,6 +80,7 @@ def scene(tmp_path):
         (["pack.cuont=5"], {}, "pack.cuont = 5 is not a known key, expected pack.count"),
         (["pack.spheres=1"], {}, "pack.spheres = 1, expected true or false"),
         (["pack.count=5"], {"grains": Path("g")}, "--grains beside pack.count, expected one"),
+        (["contact.friction=0.1"], {"grains": Path("g")}, "grains = g has no grains, expected a"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_run_is_one_line_before_anything_is(scene, changes, more, said):
@@ -109,6 +112,21 @@ def test_an_interrupt_while_packing_says_how_to_go_on(scene, tmp_path, monkeypat
         with pytest.raises(Interrupted, match=f"stopped by {words}; --resume goes on") as caught:
             make_packings(sweep, tmp_path)
         assert caught.value.signal == number
+
+
+@pytest.mark.parametrize("kept", [
+    '{"runs": 3, "grains": null, "described": null}',
+    '{"runs": [3], "grains": null, "described": null}',
+    '{"runs": [{"contact.friction": 3}], "grains": null, "described": null}',
+    '{"runs": [{"contact.friction": "3"}], "grains": 3, "described": null}',
+    '{"runs": [], "grains": null, "described": null}', "[]", "",
+])  # fmt: skip
+def test_a_folder_of_something_else_is_not_resumed(scene, tmp_path, kept):
+    (tmp_path / "sweep.json").write_text(kept)
+    with pytest.raises(
+        InputError, match=r"sweep\.json cannot be read .*, expected the folder of a"
+    ):
+        kept_sweep(scene, tmp_path)
 
 
 def test_a_folder_is_that_of_one_sweep(scene, tmp_path):
