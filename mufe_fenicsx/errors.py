@@ -12,7 +12,8 @@ if TYPE_CHECKING:
 
 #: Characters of a value in a message.
 SHOWN = 60
-#: What signals that ask a program to end come from.
+#: What asks a program to end, by its signal: a run does so after a checkpoint. Open MPI's mpirun
+#: kills its ranks when it gets SIGTERM, but passes SIGUSR1 on.
 ASKED_BY = {
     signal.SIGINT: "Ctrl-C",
     signal.SIGTERM: "a request to end (SIGTERM)",

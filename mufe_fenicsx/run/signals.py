@@ -7,9 +7,8 @@ import time
 import numpy as np
 from mpi4py import MPI
 
-#: Signals that end a run after a checkpoint: Ctrl-C, requests of a batch system, and a terminal
-#: that closes. Open MPI's mpirun kills its ranks when it gets SIGTERM, but passes SIGUSR1 on.
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP)
+from ..errors import ASKED_BY
+
 #: Several ranks ask each other about this often [s]; one rank asks at every step.
 LATENCY = 0.2
 
@@ -35,7 +34,7 @@ class Signals:
     def __enter__(self):
         if threading.current_thread() is threading.main_thread():
             # One that was told to be ignored, as SIGHUP by nohup, stays so.
-            wanted = [s for s in SIGNALS if s != signal.SIGHUP or not _ignored(s)]
+            wanted = [s for s in ASKED_BY if s != signal.SIGHUP or not _ignored(s)]
             self._before = {s: signal.signal(s, self._note) for s in wanted}
         return self
 

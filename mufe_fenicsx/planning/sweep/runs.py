@@ -11,7 +11,7 @@ import threading
 import time
 from pathlib import Path
 
-from ...errors import InputError, Interrupted
+from ...errors import ASKED_BY, InputError, Interrupted
 from ...machine.mpi_launcher import environment_without_launcher, find_mpirun
 from ...output.run_folder import read_run_json
 from ...output.run_lock import free_to_write
@@ -25,8 +25,6 @@ PAUSE = 0.1
 TO_END = signal.SIGUSR1
 #: What follows where a sweep is interrupted.
 GO_ON = "; --resume goes on with the sweep"
-#: Signals that end a sweep.
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP)
 
 
 def folder_of(folder, name) -> Path:
@@ -76,13 +74,11 @@ def make_packings(sweep: Sweep, folder, progress=None) -> list:
 
 
 def arguments_of(sweep: Sweep, number, folder, grains) -> list[str]:
-    """Arguments of `mufe` for a run, from its state."""
-    own = folder_of(folder, sweep.names[number])
+    """Arguments of `mufe` for a run that begins, with whole paths."""
+    own = folder_of(folder, sweep.names[number]).resolve()
     changes = [f"--set={key}={text}" for key, text in sweep.changes(number).items()]
-    begun = any(own.glob("checkpoints/step-*/manifest.json"))
-    again = ["--resume"] if begun else ["--overwrite"] if own.exists() else []
-    of_grains = [] if grains is None else ["--grains", str(grains)]
-    return ["run", str(sweep.scene), "-o", str(own), *of_grains, *changes, "--quiet", *again]
+    of_grains = [] if grains is None else ["--grains", str(Path(grains).resolve())]
+    return ["run", str(sweep.scene.resolve()), "-o", str(own), *of_grains, *changes, "--quiet"]
 
 
 class Runner:
@@ -137,7 +133,7 @@ class Runner:
         def note(number, _):
             self._signal = number
 
-        return {number: signal.signal(number, note) for number in ENDING}
+        return {number: signal.signal(number, note) for number in ASKED_BY}
 
     def _stop(self):
         """Where a signal came, let the runs write checkpoints and leave."""
@@ -164,11 +160,13 @@ class Runner:
                 self.say(f"run {name} is written by another process: waiting for it")
             self._waits_for = number
             return False
+        begun = any(own.glob("checkpoints/step-*/manifest.json"))
+        again = ["--resume"] if begun else ["--overwrite"] if own.exists() else []
         arguments = arguments_of(self.sweep, number, self.folder, self.grains[number])
-        command = [*PROGRAM, *arguments]
+        command = [*PROGRAM, *arguments, *again]
         if self.num_ranks > 1:
             command = [find_mpirun(), "-n", str(self.num_ranks), *command]
-        word = "goes on" if "--resume" in arguments else "begins"
+        word = "goes on" if begun else "begins"
         self.say(f"run {name} {word}: {self.sweep.words(number)}")
         log = _log_of(self.folder, name)
         log.parent.mkdir(exist_ok=True)

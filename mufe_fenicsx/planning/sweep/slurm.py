@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from ...machine.files import write_atomically
-from .runs import folder_of
+from .runs import arguments_of
 
 #: Names of the files: the job, and a line of arguments for each run.
 JOB, LINES = "array.sh", "runs.txt"
@@ -55,13 +55,10 @@ def write_array(sweep, folder, grains, num_ranks) -> Path:
         num_ranks: Of each run.
     """
     folder = Path(folder).resolve()
-    lines = []
-    for number, name in enumerate(sweep.names):
-        changes = [f"--set={key}={text}" for key, text in sweep.changes(number).items()]
-        own, place = folder_of(folder, name), grains[number]
-        of_grains = [] if place is None else ["--grains", str(Path(place).resolve())]
-        words = ["run", str(sweep.scene.resolve()), "-o", str(own), *of_grains, *changes]
-        lines.append(shlex.join([*words, "--quiet"]))
+    lines = [
+        shlex.join(arguments_of(sweep, number, folder, grains[number]))
+        for number in range(len(sweep.rows))
+    ]
     write_atomically(folder / LINES, "\n".join(lines) + "\n")
     text = SCRIPT.format(
         job=shlex.quote(str(folder / JOB)), number=len(lines), ranks=num_ranks,
