@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 SHOWN = 60
 #: What asks a program to end, by its signal: a run does so after a checkpoint. Open MPI's mpirun
 #: kills its ranks when it gets SIGTERM, but passes SIGUSR1 on.
-ASKED_BY = {
+ASKED_BY: dict[int, str] = {
     signal.SIGINT: "Ctrl-C",
     signal.SIGTERM: "a request to end (SIGTERM)",
     signal.SIGUSR1: "a request to end (SIGUSR1)",
