@@ -22,19 +22,6 @@ def diameter(volume):
     return np.cbrt(6.0 * np.asarray(volume, dtype=float) / np.pi)
 
 
-def finer(volume, sizes):
-    """Part of the volume in fragments no larger than each of some sizes, shape (num_sizes,).
-
-    Args:
-        volume: Of the fragments [m³], shape (num_fragments,).
-        sizes: [m], shape (num_sizes,).
-    """
-    own = diameter(volume)
-    order = np.argsort(own)
-    part = np.append(0.0, np.cumsum(np.asarray(volume, dtype=float)[order]))
-    return part[np.searchsorted(own[order], sizes, side="right")] / part[-1]
-
-
 def size_at(volume, part):
     """Least size that so much of the volume is no larger than [m]: d50 of a half."""
     own = diameter(volume)

@@ -87,6 +87,37 @@ def flattened(edge, flat, turn):
     return points @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]), cells
 
 
+def between_platens(comm, body, diameter, law, speed, damping):
+    """A body between two platens that close on it.
+
+    Args:
+        comm: MPI communicator.
+        body: Points [m] and cells, the middle at 0.
+        diameter: [m].
+        law: :class:`~mufe_fenicsx.materials.fracture.Fracture`.
+        speed: Of the platens towards each other, over c σ/E.
+        damping: Of all motion, in passes of a wave through the body.
+
+    Returns:
+        The simulation, its cracks, and the time of a pass [s].
+    """
+    material, high = Elastic(E, NU, RHO), body[0][:, 2].max()
+    c = material.wave_speed
+    passes, v = diameter / c, 0.5 * speed * c * law.strength / E
+    walls = [
+        Wall("low", -high * Z, Z, velocity=v * Z),
+        Wall("high", high * Z, -Z, velocity=-v * Z),
+    ]
+    s = build(
+        comm, [body], material, (0, 0, 0), (0, 0, 0), axes="", walls=walls,
+        damping=damping / passes, friction=law.friction,
+        velocity=lambda x, _grain: -v / high * x[:, 2:] * Z,
+    )  # fmt: skip
+    cracks = Cracks(s.specimen, law)
+    s.add_term(cracks)
+    return s, cracks, passes
+
+
 def press(comm, body, zone, speed, shear_ratio, friction, damping, to_end):
     """Press a body along z until its force has fallen by a tenth, or until it is split.
 
@@ -95,19 +126,8 @@ def press(comm, body, zone, speed, shear_ratio, friction, damping, to_end):
         of the volume in the second piece and the share along z of the way between both; and the
         simulation.
     """
-    material, high = Elastic(E, NU, RHO), body[0][:, 2].max()
-    c, energy = material.wave_speed, zone * DIAMETER * STRENGTH**2 / E
-    passes, v = DIAMETER / c, 0.5 * speed * c * STRENGTH / E
-    walls = [
-        Wall("low", -high * Z, Z, velocity=v * Z),
-        Wall("high", high * Z, -Z, velocity=-v * Z),
-    ]
-    s = build(
-        comm, [body], material, (0, 0, 0), (0, 0, 0), axes="", walls=walls,
-        damping=damping / passes, friction=friction,
-        velocity=lambda x, _grain: -v / high * x[:, 2:] * Z,
-    )  # fmt: skip
-    s.add_term(Cracks(s.specimen, Fracture(STRENGTH, energy, shear_ratio)))
+    law = Fracture(STRENGTH, zone * DIAMETER * STRENGTH**2 / E, shear_ratio, friction)
+    s, _, passes = between_platens(comm, body, DIAMETER, law, speed, damping)
     first, steps, t, force = s.dt, [], [], []
     found, when = {"peak": 0.0}, 0.0
     while True:

@@ -4,17 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..bulk.cracks.cracks import Cracks
 from ..calibration.weibull import fit_weibull
-from ..contact.walls import Wall
-from ..materials.elastic import Elastic
 from ..materials.fracture import Fracture
-from ..run.from_bodies import build
 from .ball_crushing import flattened_ball
+from .brazilian_disc import STRENGTH, E, between_platens
 from .case import case, compare
 
-E, NU, RHO, STRENGTH, SMALLEST = 60e9, 0.2, 2500.0, 60e6, 0.25e-3
-Z = np.array([0.0, 0.0, 1.0])
+SMALLEST = 0.25e-3
 #: β and μ; of all motion, in passes of a wave through a ball.
 SHEAR_RATIO, FRICTION, DAMPING = 3.0, 1.0, 0.2
 #: Steps from one look at the force to the next; a ball is broken where it has fallen to this part
@@ -82,20 +78,7 @@ def crush(comm, body, diameter, fracture, speed):
         First peak of the force over the diameter squared [Pa], the strength drawn [Pa] and the
         simulation.
     """
-    material, high = Elastic(E, NU, RHO), body[0][:, 2].max()
-    c = material.wave_speed
-    passes, v = diameter / c, 0.5 * speed * c * fracture.strength / E
-    walls = [
-        Wall("low", -high * Z, Z, velocity=v * Z),
-        Wall("high", high * Z, -Z, velocity=-v * Z),
-    ]
-    s = build(
-        comm, [body], material, (0, 0, 0), (0, 0, 0), axes="", walls=walls,
-        damping=DAMPING / passes, friction=fracture.friction,
-        velocity=lambda x, _grain: -v / high * x[:, 2:] * Z,
-    )  # fmt: skip
-    cracks = Cracks(s.specimen, fracture)
-    s.add_term(cracks)
+    s, cracks, passes = between_platens(comm, body, diameter, fracture, speed, DAMPING)
     peak = force = 0.0
     while force >= FALLEN * peak:
         s.step(everywhere=False)
