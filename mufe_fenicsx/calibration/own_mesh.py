@@ -33,10 +33,11 @@ def shape_of_run(path):
     """
     run, scene = Run(path), load_scene(Path(path) / "scene.toml")
     history, material = run.history, scene.material
-    if run.summary["num_grains"] != 1 or not isinstance(material, J2):
+    grains, mass = (run.summary.get(key) for key in ("num_grains", "mass"))
+    if grains != 1 or not mass or not isinstance(material, J2) or history.empty:
         raise InputError(
-            f"run {path} has {run.summary['num_grains']} grains of {type(material).__name__}, "
-            "expected one of J2, as of mufe new single-grain"
+            f"run {path} has {grains} grains of {type(material).__name__}, mass = {mass} and "
+            f"{len(history)} rows, expected one grain of J2, as of mufe new single-grain"
         )
     last = int(np.argmin(history["height"]))
     height = history["height"].to_numpy()[: last + 1]
@@ -44,7 +45,7 @@ def shape_of_run(path):
     loaded = force > 1e-3 * force.max()
     if loaded.sum() < POINTS:
         raise InputError(f"run {path} has {loaded.sum()} rows with a force, expected {POINTS}")
-    R = 0.5 * np.cbrt(6 * run.summary["mass"] / (np.pi * material.rho))
+    R = 0.5 * np.cbrt(6 * mass / (np.pi * material.rho))
     touched = _touch(height, force)
     x = (touched - height[loaded]) / (2 * R)
     at = np.geomspace(FROM * x[-1], x[-1], POINTS)

@@ -5,7 +5,6 @@ with ``:log`` behind it. Runs are the product of all lists with the samples of a
 are texts as ``--set`` of `mufe run` takes them.
 """
 
-import math
 import re
 from dataclasses import dataclass
 
@@ -151,7 +150,7 @@ def product(*blocks):
 # --- tables of an outer loop -------------------------------------------------------------------
 
 
-def read_table(path):
+def read_parameters(path):
     """Rows of a table of parameters in one of the two forms of GrainLearning.
 
     The first line names the columns behind ``#``, or behind ``!`` as in tables of batches, whose
@@ -187,21 +186,15 @@ def read_table(path):
             )
         row = dict(zip(header, cells, strict=True))
         for name in names:
-            _check_number(row[name], f"table {path}, line {number}: {name}")
+            if base_number(row[name]) is None:
+                raise InputError(
+                    f"table {path}, line {number}: {name} = {shown(row[name])}, expected a number"
+                )
         rows.append({name: row[name] for name in names})
         described.append(row.get("description"))
     if not rows:
         raise InputError(f"table {path} has no rows, expected one a run")
     return rows, described if all(described) else None
-
-
-def _check_number(text, name):
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise InputError(f"{name} = {shown(text)}, expected a finite number")
 
 
 def table_text(rows):

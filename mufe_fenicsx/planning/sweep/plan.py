@@ -13,7 +13,7 @@ from ...scene import Scene, load_scene
 from ...scene.values import build
 from ...synthetic.rigid_packing.settings import PackSettings
 from ...units import keys_of
-from .parameters import Range, hypercube, product, read_table, stated, table_text
+from .parameters import Range, hypercube, product, read_parameters, stated, table_text
 
 #: What is kept of a sweep in its folder, and its parameters as a table.
 KEPT, PARAMETERS = "sweep.json", "parameters.txt"
@@ -70,7 +70,7 @@ def make_sweep(scene, changes, table=None, num_samples=None, seed=0, grains=None
     Args:
         scene: Scene file.
         changes: Texts "name=values", see :mod:`.parameters`.
-        table: File of :func:`.parameters.read_table`, or None.
+        table: File of :func:`.parameters.read_parameters`, or None.
         num_samples: Of the ranges; None: there are none.
         seed: Of their random numbers.
         grains: Folder that `mufe mesh` wrote, of all runs; None: that of the scene, or packings.
@@ -86,7 +86,7 @@ def make_sweep(scene, changes, table=None, num_samples=None, seed=0, grains=None
             if ranges
             else f"--samples {num_samples}, expected a range such as name=low:high to sample"
         )
-    rows, described = ([{}], None) if table is None else read_table(table)
+    rows, described = ([{}], None) if table is None else read_parameters(table)
     samples = hypercube(ranges, num_samples, seed)
     blocks = [[{name: text} for text in texts] for name, texts in lists.items()]
     whole = product(rows, samples, *blocks)
