@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import weibull_min
 
 from mufe_fenicsx.calibration import sentences
+from mufe_fenicsx.calibration.covariance import covariance_of
 from mufe_fenicsx.calibration.data import Rubbed, Size
 from mufe_fenicsx.calibration.fit import Given, fit_curves
 from mufe_fenicsx.calibration.friction import fit_friction, mindlin_force
@@ -37,6 +38,23 @@ def test_parameters_come_back_from_curves_with_noise():
     assert low < YIELD + H * strain < high
     assert fit.scatter == pytest.approx(0.03, rel=0.2)  # 800 points; the floor takes some
     assert abs(fit.straying) < 0.15  # of independent noise, 5/√800
+
+
+def test_the_variance_of_a_mean_is_that_of_books():
+    """Of 9 curves that of their means; of few that of points, of which neighbours are alike."""
+    values = np.random.default_rng(0).standard_normal((9, 20)) + 2.0 * np.arange(9)[:, None]
+    every, means = np.ones((180, 1)), values.mean(axis=1)
+    found, freedom, _ = covariance_of(
+        every, values.ravel() - values.mean(), [20] * 9, np.array([True])
+    )
+    # All is exact: only rounding remains.
+    assert found[0, 0] == pytest.approx(means.var(ddof=1) / 9, rel=1e-12) and freedom == 8
+    strayed = np.cumsum(values, axis=1)[0] - np.cumsum(values, axis=1)[0].mean()
+    a, b = strayed[:-1], strayed[1:]
+    rho = min(2 * (a @ b) / (a @ a + b @ b), 0.9)
+    found, _, _ = covariance_of(every[:20], strayed, [20], np.array([True]))
+    wanted = strayed.var(ddof=1) / 20 * (1 + rho) / (1 - rho)  # of an autoregression
+    assert found[0, 0] == pytest.approx(wanted, rel=1e-12)
 
 
 def test_elastic_curves_give_no_yield_stress():
