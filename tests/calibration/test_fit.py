@@ -1,6 +1,7 @@
 """What was put in comes back, with honest intervals and sentences."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from mufe_fenicsx.calibration.covariance import covariance_of
 from mufe_fenicsx.calibration.data import Rubbed, Size
 from mufe_fenicsx.calibration.fit import Given, fit_curves
 from mufe_fenicsx.calibration.friction import fit_friction, mindlin_force
-from mufe_fenicsx.calibration.model import Setup
+from mufe_fenicsx.calibration.model import Setup, forces
 from mufe_fenicsx.calibration.weibull import fit_weibull
 from mufe_fenicsx.theory import mindlin
 from mufe_fenicsx.verification.calibrate import (
@@ -66,6 +67,16 @@ def test_elastic_curves_give_no_yield_stress():
     (said,) = sentences.limits_of(fit, None)
     assert "at least" in said
     assert 'model = "elastic"' in sentences.material_block(fit, 0.2, 2500.0)
+
+
+def test_what_comes_to_an_end_of_its_range_has_no_interval():
+    """Forces of a machine that gives way by less than nothing."""
+    course = SETUP.course(E, YIELD, 10e9)
+    (curve,) = made_curves(course, SETUP, 1, 0.0, 0)
+    force = forces(curve, SETUP, course, 0.0, -0.1 * COMPLIANCE)[0]
+    fit = fit_curves([replace(curve, force=force)], SETUP)
+    assert fit.held == ["compliance"] and fit.value("compliance") == 0.0
+    assert sentences.limits_of(fit, None)[0].startswith("compliance = 0 m/N is an end of what is")
 
 
 def test_what_one_curve_does_not_determine_is_said():
