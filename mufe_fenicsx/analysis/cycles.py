@@ -30,15 +30,16 @@ class Cycle:
     damping: float  #: damping ratio [-]
 
 
-def turning_points(strain, least=None):
-    """Rows where a strain turns back by more than ``least``, with the first row and the last turn.
+def turning_points(strain):
+    """Rows where a strain turns back, with the first row and the last turn.
+
+    Changes below :data:`TURN` of the whole range are none.
 
     Args:
         strain: Shape (num_rows,).
-        least: Smaller changes are none; None: those below a fiftieth of the whole range.
     """
     strain = np.asarray(strain, dtype=float)
-    least = TURN * np.ptp(strain) if least is None else least
+    least = TURN * np.ptp(strain)
     found, furthest, sense = [0], 0, 0.0
     for row, value in enumerate(strain):
         if sense == 0:

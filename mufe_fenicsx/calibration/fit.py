@@ -52,10 +52,10 @@ class Fit:
     held: list  #: names of unknowns at an end of what is sought, without an interval
     material: dict  #: E, yield, hardening [Pa], given or found
 
-    def interval(self, name, part=0.95):
-        """Ends of the interval of confidence, in SI units."""
+    def interval(self, name):
+        """Ends of the interval of 95 %, in SI units."""
         i = self.names.index(name)
-        half = student.ppf(0.5 + 0.5 * part, self.freedom) * math.sqrt(self.covariance[i, i])
+        half = student.ppf(0.975, self.freedom) * math.sqrt(self.covariance[i, i])
         low, high = self.values[i] - half, self.values[i] + half
         return (math.exp(low), math.exp(min(high, 700.0))) if name in MATERIAL else (low, high)
 

@@ -136,9 +136,9 @@ def _towards_pressure(surface):
     return Camera.around(points, towards, 1.0, up, 1.12)
 
 
-def _void_grey(name, num_colours=256):
+def _void_grey(name):
     """A colour map whose lowest step, no contact, is light grey."""
-    colours = colormaps[name](np.linspace(0, 1, num_colours))
+    colours = colormaps[name](np.linspace(0, 1, 256))
     colours[:2] = (0.86, 0.86, 0.86, 1)
     return ListedColormap(colours)
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ..analysis import macro
+from ..analysis.cycles import turning_points
 from ..analysis.rows import loading_rows
 from ..errors import InputError, nearest_name, shown
 from ..loading.measured import name_and_unit, read_table
@@ -55,8 +56,6 @@ COMPARED = (
     ("q", ("strain", "p"), True),
     ("volumetric_strain", ("strain",), False),
 )
-#: A branch ends where the strain, or stress, turns back by more than this part of its range.
-TURN = 0.02
 #: Points beyond a branch of a run by less than this part of its range count as at its end, which is
 #: about a step from what was asked; before the first row of the run by less than START, since that
 #: row is some way after strain 0.
@@ -236,17 +235,8 @@ def branches_of(columns: Mapping[str, np.ndarray]) -> list[slice]:
     """
     way = np.asarray(_way(columns), dtype=float)
     known = np.flatnonzero(np.isfinite(way))
-    scale, extreme, sign = TURN * np.ptp(way[known]), known[0], 0.0
-    ends = [0]
-    for row in known[1:]:
-        beyond = way[row] - way[extreme]
-        if sign * beyond >= 0 and (sign or abs(beyond) > scale):
-            sign, extreme = sign or float(np.sign(beyond)), row
-        elif sign and abs(beyond) > scale:
-            ends.append(int(extreme))
-            sign, extreme = -sign, row
-    ends.append(len(way) - 1)
-    return [slice(a, b + 1) for a, b in pairwise(ends)]
+    turns = known[turning_points(way[known])[1:-1]].tolist()
+    return [slice(a, b + 1) for a, b in pairwise([0, *turns, len(way) - 1])]
 
 
 def _way(columns):

@@ -84,6 +84,12 @@ def test_what_one_curve_does_not_determine_is_said():
     curves = made_curves(SETUP.course(100e9, 20e6, 1e9), SETUP, 1, 0.03, 1)
     said = " ".join(sentences.limits_of(fit_curves(curves, SETUP), None))
     assert "do not determine Young's modulus" in said
+    said = sentences.limits_of(fit_curves(curves, SETUP, Given(E=1e6)), 1e6)
+    assert said[0].startswith("The model does not fit: forces are")
+    (curve,) = curves
+    waves = 1 + 0.1 * np.sin(20 * curve.displacement / curve.displacement.max())
+    other = fit_curves([replace(curve, force=curve.force * waves)], SETUP)
+    assert sentences.limits_of(other, None)[-1].startswith("Curves stray from the model in one")
     held = fit_curves(curves, SETUP, Given(E=100e9, compliance=COMPLIANCE))
     assert held.value("hardening") == pytest.approx(1e9, rel=0.1)  # 200 points of 3 %
 

@@ -34,7 +34,7 @@ ELEMENTS, SURFACE, STEPS = 8, 4, 16
 FIRST = 8
 
 
-def press(nu, Y, k, largest, steps=STEPS, elements=ELEMENTS, surface=SURFACE):
+def press(nu, Y, k, largest, steps):
     """Approach, force over that of Hertz and largest plastic strain, shape (steps, 3). One rank."""
     E = 1e11
     modulus = E / (1 - nu**2)
@@ -42,7 +42,7 @@ def press(nu, Y, k, largest, steps=STEPS, elements=ELEMENTS, surface=SURFACE):
     # An elastic contact has √δ; what flows piles up.
     elastic = largest < 4 * (2.5 * Y) ** 2
     radius = (1.05 if elastic else 1.45) * math.sqrt(largest)
-    ball = Ball(material, radius, elements, surface)
+    ball = Ball(material, radius, ELEMENTS, SURFACE)
     rows = []
     for i in range(1, steps + 1):
         state = ball.press(largest * (i / steps) ** 2)
@@ -51,12 +51,12 @@ def press(nu, Y, k, largest, steps=STEPS, elements=ELEMENTS, surface=SURFACE):
     return np.array(rows)
 
 
-def converged(nu, Y, k, largest, steps=STEPS, **options):
+def converged(nu, Y, k, largest):
     """The same at every second step, drawn on to steps of no length: radial return is of order 1.
 
     Strains are as they are.
     """
-    many, few = (press(nu, Y, k, largest, n, **options) for n in (steps, steps // 2))
+    many, few = (press(nu, Y, k, largest, n) for n in (STEPS, STEPS // 2))
     many = many[1::2]
     many[:, 1] = 2 * many[:, 1] - few[:, 1]
     return many[FIRST // 2 - 1 :]

@@ -127,14 +127,13 @@ def load(path=TABLE):
     return courses
 
 
-def large_strain(a_over_R, nu, column="force"):
-    """An elastic ball's value over that of linear elasticity, at the same approach.
+def large_strain(a_over_R, nu):
+    """An elastic ball's force over that of linear elasticity, at the same approach.
 
     Args:
         a_over_R: 0.005, 0.04 or 0.16, radius of the contact by linear elasticity.
         nu: 0.15 or 0.3.
-        column: Of ``COLUMNS``.
     """
     table = load()
     finite, linear = (table[elastic_name(a_over_R, nu, kind)] for kind in (True, False))
-    return float(finite[column][0] / linear[column][0])
+    return float(finite["force"][0] / linear["force"][0])
