@@ -132,21 +132,7 @@ def test_ddic_itself(tmp_path):
         tifffile.imwrite(tmp_path / f"{k}.tif", grey.astype(np.uint16))
     labels = two_balls()[0]
     tifffile.imwrite(tmp_path / "labels.tif", labels.astype(np.uint16))
-    words = [
-        "0.tif",
-        "labels.tif",
-        "1.tif",
-        "-np",
-        "1",
-        "-od",
-        ".",
-        "-pre",
-        "t",
-        "-ld",
-        "2",
-        "-it",
-        "200",
-    ]
+    words = "0.tif labels.tif 1.tif -np 1 -od . -pre t -ld 2 -it 200".split()
     subprocess.run([program, *words], cwd=tmp_path, check=True, capture_output=True)
     track = read_track(tmp_path / "t-ddic.tsv", bodies_of(labels), VOXEL)
     assert track.found.any()
