@@ -11,7 +11,8 @@ from .scenes import blocks
 
 #: Largest time of a step with cracks that have not begun over that without.
 TARGET = 1.1
-#: Strength over the first largest von Mises stress: far away, and so near that facets are looked at.
+#: Strength over the first largest von Mises stress: far away, and so near that facets are looked
+#: at.
 FAR, NEAR = 100.0, 1.0
 
 
