@@ -48,7 +48,7 @@ def limits_of(fit, given_E):
     """Sentences on what the curves do not determine."""
     said = [
         f"{name} = {with_unit(fit.value(name), UNITS[name.partition(' ')[0]])} is an end of what "
-        "is sought: it has no interval."
+        f"is sought: the curves do not determine it{'; give --modulus' if name == 'E' else ''}."
         for name in fit.held
         if yielded(fit) or name not in ("yield", "hardening")
     ]
