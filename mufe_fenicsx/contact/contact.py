@@ -124,9 +124,8 @@ class Contact(Stateful):
         Collective.
         """
         of_points = 0.0 if self.pairs is None else self.pairs.deepest()
-        depths = np.array([of_points, self.edges.deepest()])
-        self.comm.Allreduce(MPI.IN_PLACE, depths, op=MPI.MAX)
-        return depths
+        depths = of_points, self.edges.deepest()
+        return np.array([self.comm.allreduce(depth, op=MPI.MAX) for depth in depths])
 
     def destroy(self):
         """Free what sends messages. Collective."""
