@@ -97,7 +97,7 @@ def run(folder, name, friction, lab, given):
     of_lab = lab.columns
     text = SCENE.format(
         friction=friction, modulus=given.modulus, speed=given.speed, curve=lab.path.resolve(),
-        axial=of_lab["stress"][0], lateral=of_lab["side_stress"][0],
+        axial=of_lab["stress"][0], lateral=of_lab["k0"][0] * of_lab["stress"][0],
     )  # fmt: skip
     for number, branch in enumerate(lab.branches):
         sides = "" if number else "xy = { strain = 0.0 }"
@@ -130,7 +130,9 @@ if __name__ == "__main__":
         description=__doc__.partition("\n\n")[0],
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
-    parser.add_argument("curve", type=Path, help="table of the laboratory")
+    parser.add_argument(
+        "curve", type=Path, help="table of the laboratory: strain, stress, and side_stress or k0"
+    )
     parser.add_argument("folder", type=Path, help="folder of packing, meshes and runs")
     parser.add_argument("--friction", type=float, nargs="+", default=[0.25], help="of the beads")
     parser.add_argument("--modulus", type=float, default=65.0, help="of the beads [GPa]")
@@ -143,7 +145,13 @@ if __name__ == "__main__":
     parser.add_argument("--figure", help="file that a figure is saved to")
     given = parser.parse_args()
 
-    lab = read_reference(Reference(file=given.curve))
+    try:
+        lab = read_reference(Reference(file=given.curve))
+    except mufe.InputError as error:
+        parser.error(str(error))
+    for name in ("strain", "stress", "k0"):
+        if name not in lab.columns:
+            parser.error(f"{given.curve} has no {name}, expected strain, stress, side_stress or k0")
     sample(given.folder, given)
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.4), layout="constrained")
     strain, stress, k0 = (lab.columns[name] for name in ("strain", "stress", "k0"))
@@ -160,6 +168,6 @@ if __name__ == "__main__":
         right.plot(curves["stress"] / 1e6, curves["k0"], lw=1)
     left.set(xlabel="axial strain [%]", ylabel="axial stress [MPa]")
     left.legend(frameon=False)
-    right.set(xlabel="axial stress [MPa]", ylabel="$K_0$", ylim=(0.3, 0.9))
+    right.set(xlabel="axial stress [MPa]", ylabel="$K_0$", ylim=(0.0, 1.0))
     if given.figure:
         figure.savefig(given.figure, dpi=150)

@@ -50,6 +50,8 @@ TOUCHED = 0.02
 LEAST, LEAST_GRAINS = 5, 5
 #: Names count as misspelled from this ratio of :mod:`difflib` on.
 SIMILAR = 0.75
+#: Beginnings of names count as misspelled from so many letters on.
+SHORT = 3
 #: Least and largest friction that is sought.
 FRICTION = (1e-3, 10.0)
 #: A force falls if it drops by this many times the scatter, and by this part of the largest.
@@ -201,7 +203,8 @@ def _columns(path):
         if name in known and names.count(name) > 1:
             raise InputError(f"{where}: {name} is there twice, expected names that differ")
         # A slip of the keyboard makes no table of another kind.
-        if name not in known and difflib.get_close_matches(name, known, 1, SIMILAR):
+        short = len(name) >= SHORT and any(each.startswith(name.lower()) for each in known)
+        if name not in known and (short or difflib.get_close_matches(name, known, 1, SIMILAR)):
             raise InputError(f"{where}: column {shown(name)}, expected {nearest_name(name, known)}")
     if kind is None:
         odd = next((name for name in names if name not in known), names[0])

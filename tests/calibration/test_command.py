@@ -73,6 +73,7 @@ def test_what_is_written(tmp_path):
     ("text", "said"),
     [
         ("displacment [um], force [N]\n" + RISING, "displacment"),
+        ("disp [um], force [N], diameter [mm]\n1, 2, 3\n", "disp"),
         ("displacement, force [N]\n" + RISING, "displacement has no unit"),
         ("displacement [N], force [N]\n" + RISING, "displacement"),
         ("displacement [um], force [N]\n1, 1\n", "1 points"),
