@@ -95,9 +95,10 @@ def sample(folder, given):
 def run(folder, name, friction, lab, given):
     """Run the test with a friction; returns what is left of it, to be read."""
     of_lab = lab.columns
+    lateral = of_lab.get("side_stress", of_lab["k0"] * of_lab["stress"])
     text = SCENE.format(
         friction=friction, modulus=given.modulus, speed=given.speed, curve=lab.path.resolve(),
-        axial=of_lab["stress"][0], lateral=of_lab["k0"][0] * of_lab["stress"][0],
+        axial=of_lab["stress"][0], lateral=lateral[0],
     )  # fmt: skip
     for number, branch in enumerate(lab.branches):
         sides = "" if number else "xy = { strain = 0.0 }"

@@ -38,10 +38,10 @@ STEPS_BETWEEN_LOOKS = 4
 #: Facets beside those that soften open at this part of their strength: nodes at a front of cracks
 #: bear more than means of cells tell. They soften where their points reach the strength.
 BESIDE = 0.55
-#: Time from one growth to the next of facets that only those beside them let open, over the stable
-#: step of single elements. A crack costs 2 % less energy than its own, at twice this time 15 %
-#: (`mufe verify cracked-strip`); and a growth takes as long as many steps.
-TIME_BETWEEN_GROWTHS = 16.0
+#: Steps from one growth to the next of facets that only those beside them let open, and the least
+#: length of such a step over that of single elements: of shorter ones it takes more. At thrice the
+#: time a crack takes 15 % less energy than its own (`mufe verify cracked-strip`).
+STEPS_BETWEEN_GROWTHS, LEAST_STEP = 32, 0.375
 #: Steps from one look for pieces that come loose to the next.
 STEPS_BETWEEN_PIECES = 40
 #: Least stiffness of a point over E/h of the cells beside it.
@@ -164,9 +164,9 @@ class Cracks(ForceTerm):
         if not self.watching:
             return self._look_for_pieces(state)
         rows, now = self._search(*stress, state.x)
-        between = TIME_BETWEEN_GROWTHS * self._element_step
-        due = state.t // between > (state.t - state.dt) // between
-        if not self.mesh.comm.allreduce(rows.size if due else now):
+        shorter = LEAST_STEP * self._element_step / state.dt if state.dt else 1.0
+        waits = state.num_steps % (STEPS_BETWEEN_GROWTHS * max(1, round(shorter)))
+        if not self.mesh.comm.allreduce(now if waits else rows.size):
             return self._look_for_pieces(state)
         self.news = True
         self._note(rows, state)
