@@ -199,6 +199,36 @@ def test_contact_takes_over_what_a_crack_bore():
     assert abs(end["residual"] - after["residual"]) < 1e-3 * (end["work"] + end["elastic"])
 
 
+def test_halves_meet_again_where_they_lost_touch():
+    """Contact that took over closes at a gap: it is not seen later, at its full depth.
+
+    Steps are so short that a contact of as much energy closes to 1 % of it.
+    """
+    s, _ = cracked()
+    while s.mesh.num_pieces.tolist() != [2]:
+        s.step()
+    s.dt, s.update_time_step = 1e-8, lambda **_: None
+    top = s.walls.names.index("z_max")
+    s.walls.velocity[top, 2] = 5.0
+    p = s.contact.pairs
+    took = np.flatnonzero(p.offset > 0.0)
+    assert took.size > 30 and p.closed[took].all()
+    while p.closed[took].any():
+        s.step()
+    s.walls.velocity[top] = s.state.v[:] = 0.0
+    s.state.v[upper(s.mesh), 2] = -0.5
+    s.take_over()
+    s.dt = 1e-8
+    s.step()
+    before, most = s.energies(), 0.0
+    assert s.contact.pairs is p and (p.gap[took] > 0.0).all()
+    while not p.closed[took].all():
+        s.step()
+        most = max(most, s.energies()["contact"])
+    assert (p.gap[took] > 0.0).all()
+    assert abs(s.energies()["residual"] - before["residual"]) < 0.01 * most
+
+
 @pytest.mark.mpi
 def test_a_resumed_break_goes_on_with_the_same_bits(tmp_path):
     """Pieces have their numbers, and their contact what it remembers."""

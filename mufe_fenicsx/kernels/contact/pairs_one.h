@@ -158,7 +158,8 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       s->normal_force = 0.0;
       s->shear = (vec3){0.0, 0.0, 0.0};
     }
-    m->next_check[p] = bound + least(most(g, 0.0) / c->steepest, c->range);
+    /* It closes at its offset, where that lies outside. */
+    m->next_check[p] = bound + least(most(g - most(s->offset, 0.0), 0.0) / c->steepest, c->range);
     return;
   }
 
