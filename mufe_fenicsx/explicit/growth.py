@@ -98,12 +98,21 @@ def carry_over(old, new):
     sp.mirrors.project(sp.f)
     new.state.a[changed] = sp.f[changed] / new.solid.mass[changed, None]
 
-    _meet_anew(new, _faces_let_go(new))
+    _meet_anew(new, _came_loose(new.mesh, old.mesh), _faces_let_go(new))
     gained = _energies(new) - before
     sp.parted -= gained[0]
     sp.first_energies += gained[1:]
     old.contact.destroy()
     old.stable.destroy()
+
+
+def _came_loose(mesh, before):
+    """Cells of pieces that a mesh has since a growth, of which cells stay. Local."""
+    now, then = (
+        np.zeros(of.num_cells, np.int32) if of.piece_of_cell is None else of.piece_of_cell
+        for of in (mesh, before)
+    )
+    return np.flatnonzero(now != then)
 
 
 def _faces_let_go(simulation):
@@ -113,11 +122,12 @@ def _faces_let_go(simulation):
     return tuple(np.concatenate(of) for of in zip(none, *found, strict=True))
 
 
-def _meet_anew(simulation, faces):
+def _meet_anew(simulation, loose, faces):
     """Find pairs of new facets, and look anew at those that a crack ends beside. Collective.
 
     What overlaps now that was not in contact, as nodes do that have become vertices, is accepted as
-    at the start: it carries from there on. Walls keep their loads of the last step. ``faces``: of
+    at the start: it carries from there on. So do all faces of what has come ``loose``, whenever
+    they opened, as of :func:`_came_loose`. Walls keep their loads of the last step. ``faces``: of
     :func:`_faces_let_go`, whose pairs bear what these bore.
     """
     contact, walls, x = simulation.contact, simulation.walls, simulation.state.x
@@ -127,11 +137,14 @@ def _meet_anew(simulation, faces):
     contact.bind()
     if contact.layers.kinematic:  # which stores nothing, and acts at other positions
         return
-    new = np.zeros(len(x), dtype=bool)
+    new, of_pieces = np.zeros((2, len(x)), dtype=bool)
     new[mesh.facets[mesh.source.facets < 0]] = True
-    new[mesh.cells[sides // 4]] = True
-    tables = contact.pairs, walls.pairs, contact.edges.pairs
-    touched = beside(contact, new)
+    of_pieces[mesh.cells[loose]] = True
+    pairs, edges = contact.pairs, contact.edges.pairs
+    tables = pairs, walls.pairs, edges
+    within = pairs.within, np.zeros(len(walls.pairs.node), dtype=bool), edges.grain == edges.partner
+    at_new, at_pieces = beside(contact, new), beside(contact, of_pieces)
+    touched = [a | b & of for a, b, of in zip(at_new, at_pieces, within, strict=True)]
     if not simulation.comm.allreduce(sum(map(np.count_nonzero, touched))):
         return
     loads = walls.force, walls.torque, walls.curved.pressing

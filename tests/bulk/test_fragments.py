@@ -206,6 +206,17 @@ def test_contact_takes_over_what_a_crack_bore(apart):
     assert abs(end["residual"] - after["residual"]) < 1e-3 * (end["work"] + end["elastic"])
 
 
+def test_lost_faces_meet_without_a_blow():
+    """Sides of a crack that bears no more overlap; what comes loose is pressed from there on."""
+    s, cracks = cracked()
+    cracks.points["open"] = -1.0
+    while s.mesh.num_pieces.tolist() != [2]:
+        s.step(everywhere=False)
+    pairs = s.contact.pairs
+    assert pairs.gap[pairs.within].min() < -1e-6
+    assert s.energies()["switching"] == 0.0
+
+
 def test_halves_meet_again_where_they_lost_touch():
     """Contact that took over closes at a gap: it is not seen later, at its full depth.
 
