@@ -38,17 +38,18 @@ INLINE int faces(const pairs_type *m, const pair_row *s, vec3 p, vec3 normal) {
   return 1;
 }
 
-/* The nearest facet that the node of the pair p is straight behind, no deeper than ``limit``, and
-   that its body faces; -1 if none. */
+/* The nearest facet that the point of the pair p is straight behind, no deeper than ``limit``, and
+   that its body faces; -1 if none. The smooth surface of a point in a facet is before it. */
 static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double limit, double *gap,
                            vec3 *weights, vec3 *normal) {
   int64_t best = -1;
+  const double before = most(-m->row[p].recess, 0.0);
   *gap = -limit;
   for (int64_t k = m->first[p]; k < m->first[p + 1]; k++) {
     triangle t = facet_at(&m->surface, m->x, m->candidate[k]);
     vec3 u = normal_of(t);
     double g = dot(minus(point, t.a), u);
-    if (!(*gap < g && g < 0.0)) continue;
+    if (!(*gap < g && g < before)) continue;
     vec3 w = project(point, t);
     if (least(w.x, least(w.y, w.z)) >= -BESIDE && faces(m, m->row + p, point, u))
       best = k, *gap = g, *weights = w, *normal = u;
@@ -91,7 +92,10 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     normal = distance > tiny(s) ? times(1.0 / g, r) : times(1.0 / length(normal), normal);
   double height = g;
   int beside = 0;
-  if (s->sharp && g < BESIDE * sqrt(s->area) && !faces(m, s, point, normal)) {
+  /* Between smooth surfaces, not facets. */
+  vec3 slope;
+  double smooth = g + s->recess - bulge_at(s, w, t, facet_normal, feature, &slope);
+  if (s->sharp && least(g, smooth) < BESIDE * sqrt(s->area) && !faces(m, s, point, normal)) {
     double other_gap, limit = 3.0 * largest_depth_of(m, s, k);
     vec3 other_weights, other_normal;
     int64_t other = find_facing(m, p, point, limit, &other_gap, &other_weights, &other_normal);
@@ -101,12 +105,10 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       t = facet_at(&m->surface, x, m->candidate[k]);
       facet_normal = normal;
       know(m, p, k);
+      smooth = g + s->recess - bulge_at(s, w, t, facet_normal, INTERIOR, &slope);
     }
   }
-  /* Between smooth surfaces, not facets. */
-  vec3 slope;
-  const double bulge = bulge_at(s, w, t, facet_normal, !beside ? feature : INTERIOR, &slope);
-  g += s->recess - bulge;
+  g = smooth;
   if (m->strength.tables && !s->closed && g < s->offset) {
     const double more = kept_dent(&m->strength, p) - m->strength.row[p].dent;
     if (more > 0.0) m->strength.row[p].dent += more, s->recess += more, g += more;
