@@ -106,6 +106,8 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       facet_normal = normal;
       know(m, p, k);
       smooth = g + s->recess - bulge_at(s, w, t, facet_normal, INTERIOR, &slope);
+    } else if (g >= 0.0) { /* outside, it rests on nothing here */
+      smooth = most(smooth, s->offset);
     }
   }
   g = smooth;
