@@ -199,9 +199,10 @@ class ForceTerm(Stateful):
         """Leave the faces between two pieces of a grain to contact. Local.
 
         Returns:
-            Sides of the cells beside them, shape (n, 2), and tractions on the first [Pa], (n, 3).
+            Sides of the cells beside them, shape (n, 2), tractions on the first [Pa], (n, 3), and
+            what the springs held that bore these [J].
         """
-        return np.empty((0, 2), dtype=np.int64), np.empty((0, 3))
+        return np.empty((0, 2), dtype=np.int64), np.empty((0, 3)), 0.0
 
     def stiffness(self, state):
         """Minus the derivative of the forces by the positions, None where there is none. Local.

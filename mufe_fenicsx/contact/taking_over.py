@@ -5,22 +5,23 @@ import numpy as np
 from ..kernels.geometry.topology import rows_of
 
 
-def take_over(contact, sides, traction, x):
+def take_over(contact, sides, traction, held, x):
     """Let pairs of faces bear what is pressed on them, between pieces that lie on each other.
 
     Contact knows these faces already, each without force where they overlap. A pair of a point in
     one of them with the body across gets the offset with which it bears the pressure, and its
-    spring of friction the stretch for the shear. What the springs hold then counts as switched.
-    Collective.
+    spring of friction the stretch for the shear. What its springs hold then, less what those of the
+    crack held, counts as switched. Collective.
 
     Args:
         contact: :class:`~mufe_fenicsx.contact.contact.Contact`, evaluated at ``x``.
         sides: Numbers of the sides of cells that the two faces are, shape (num, 2).
         traction: On the first ones [Pa], shape (num, 3).
+        held: Energy of the springs that bore it [J].
         x: Present positions [m], shape (num_nodes, 3).
     """
     done = contact.dissipation
-    before = contact.energy()[0] + done.total + done.switched
+    before = contact.energy()[0] + done.total + done.switched + held
     pairs, face, bears = _pairs_across(contact, sides, traction)
     p, surface, points = contact.pairs, contact.surface, contact.points
     layers = points.layer[p.node[pairs]] + surface.layer_of_facet[face]

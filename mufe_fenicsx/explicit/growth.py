@@ -116,10 +116,11 @@ def _came_loose(mesh, before):
 
 
 def _faces_let_go(simulation):
-    """Faces of cracks that become contact, and tractions, as of ForceTerm.let_go. Local."""
+    """Faces of cracks that become contact, tractions and energy, as of ForceTerm.let_go. Local."""
     found = [term.let_go(simulation.state) for term in simulation.specimen.opening_terms]
-    none = np.empty((0, 2), dtype=np.int64), np.empty((0, 3))
-    return tuple(np.concatenate(of) for of in zip(none, *found, strict=True))
+    none = np.empty((0, 2), dtype=np.int64), np.empty((0, 3)), 0.0
+    sides, traction, held = zip(none, *found, strict=True)
+    return np.concatenate(sides), np.concatenate(traction), sum(held)
 
 
 def _meet_anew(simulation, loose, faces):
@@ -131,7 +132,7 @@ def _meet_anew(simulation, loose, faces):
     :func:`_faces_let_go`, whose pairs bear what these bore.
     """
     contact, walls, x = simulation.contact, simulation.walls, simulation.state.x
-    mesh, (sides, traction) = simulation.mesh, faces
+    mesh, (sides, traction, held) = simulation.mesh, faces
     any_faces = simulation.comm.allreduce(len(sides)) > 0
     contact.search(x)
     contact.bind()
@@ -157,7 +158,7 @@ def _meet_anew(simulation, loose, faces):
     contact.add_forces(np.zeros_like(x), x, accept=True)
     contact.overlaps.load_state_dict(of_start)
     if any_faces:
-        take_over(contact, sides, traction, x)
+        take_over(contact, sides, traction, held, x)
     for load, value in zip(loads, kept, strict=True):
         load[:] = value
     for table, which, wait in zip(tables, touched, waits, strict=True):

@@ -309,7 +309,7 @@ class Cracks(ForceTerm):
         )
         which = self.opened[rows]
         across = 6 - self.facets.corners[which].sum(axis=2, dtype=np.int64)  # from the facet
-        return 4 * self.facets.across[which] + across, self._forces.leave(rows, state.x)
+        return 4 * self.facets.across[which] + across, *self._forces.leave(rows, state.x)
 
     # --- growth ---------------------------------------------------------------------------
 

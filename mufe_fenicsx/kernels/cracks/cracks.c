@@ -111,11 +111,12 @@ void mufe_crack_energies(const cracks_type *c, double shear, const double *x, do
   }
 }
 
-/* Facets bear no more, and what their springs hold is rubbed off; ``traction``: the mean one on their
-   first sides until now [Pa], row after row. */
-void mufe_leave_cracks(const cracks_type *c, double shear, const double *x, const int64_t *which,
-                       double *traction, int64_t num) {
+/* Facets bear no more; what their springs held [J]. ``traction``: the mean one on their first sides
+   until now [Pa], row after row. */
+double mufe_leave_cracks(const cracks_type *c, double shear, const double *x, const int64_t *which,
+                         double *traction, int64_t num) {
   const law_type law = {shear};
+  double held = 0.0;
   for (int64_t m = 0; m < num; m++) {
     double frame[3][3], w[3], t[3];
     frame_of(frame, x, c->nodes + 6 * which[m]);
@@ -126,10 +127,11 @@ void mufe_leave_cracks(const cracks_type *c, double shear, const double *x, cons
       bear(t, &p, law, c->friction[which[m]], w);
       for (int j = 0; j < 3; j++)
         traction[3 * m + j] += (t[0] * frame[0][j] + t[1] * frame[1][j] + t[2] * frame[2][j]) / 3.0;
-      kept->rubbed += stored(kept, law, w);
+      held += c->area[which[m]] / 3.0 * stored(kept, law, w);
       kept->open = -1.0;
     }
   }
+  return held;
 }
 
 /* Points begin to bear a traction [Pa] of three global components each, row after row. */

@@ -70,7 +70,7 @@ class CrackForces:
         self._energies.restype = None
         self._leave = library.mufe_leave_cracks
         self._leave.argtypes = [pointer, number, *[pointer] * 3, integer]
-        self._leave.restype = None
+        self._leave.restype = number
         self._begin = library.mufe_begin_cracks
         self._begin.argtypes = [pointer, number, *[pointer] * 3, integer]
         self._begin.restype = None
@@ -108,21 +108,22 @@ class CrackForces:
         )  # fmt: skip
 
     def leave(self, which, x):
-        """Let facets bear no more; what their springs hold is counted as rubbed off.
+        """Let facets bear no more.
 
         Args:
             which: Of them, int64, shape (n,).
             x: As of :meth:`add`.
 
         Returns:
-            Mean tractions on their first sides until now [Pa], shape (n, 3).
+            Mean tractions on their first sides until now [Pa], shape (n, 3), and what their springs
+            held, which is in none of :data:`ENERGIES` any more [J].
         """
         traction = np.zeros((which.size, 3))
-        self._leave(
+        held = self._leave(
             self._pointers.table, self._shear, address(x), address(which, np.int64),
             address(traction), which.size,
         )  # fmt: skip
-        return traction
+        return traction, held
 
 
 class FacetSearch:
