@@ -19,6 +19,8 @@ from .weibull import fit_weibull
 
 #: File by which a folder of results is known.
 TABLE = "parameters.csv"
+#: Strength of grains over that of their facets, of `mufe new crushing`.
+CRUSHING = 1.4
 TITLES = {"E": "Young's modulus", "yield": "yield stress", "hardening": "slope of hardening"}
 
 
@@ -113,7 +115,7 @@ def _crushed(folder, data, result):
     size = with_unit(found.size, "m")
     rows = result["parameters"]
     rows.append(_row("Weibull modulus", found.modulus, found.modulus_interval, ""))
-    name = f"strength 0.9 F/d² at {size}, which 37 % survive"
+    name = f"strength F/d² at {size}, which 37 % survive"
     rows.append(_row(name, found.strength, found.strength_interval, "Pa"))
     if found.exponent_interval:
         rows.append(_row("fall of strength with size, exponent", found.exponent,
@@ -128,9 +130,9 @@ def _crushed(folder, data, result):
     else:
         result["notes"].append("Sizes are alike or few: no effect of size is sought.")
     result["notes"].append(
-        "These are strengths of grains. In [fracture], `strength` is of facets: find by "
-        f"`mufe new crushing` which gives them, with modulus = {found.modulus:.3g} and "
-        'scatter = "grain".'
+        "These are strengths F/d² of grains. [fracture] strength is that of facets: begin with "
+        f"{with_unit(found.strength / CRUSHING, 'Pa')}, modulus = {found.modulus:.3g} and "
+        'scatter = "grain", crush such a grain (`mufe new crushing`), and scale it.'
     )
     draw_survival(folder / "survival.png", found)
 

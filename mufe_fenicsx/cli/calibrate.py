@@ -47,7 +47,7 @@ def calibrate(
     compliance: Annotated[
         str,
         typer.Option(
-            metavar="C", help='Of the machine, as "0.05 um/N"; or sought: common or each curve\'s.'
+            metavar="C", help='Of the machine, as "0.05 um/N"; or sought: common, or each for one of each curve.'
         ),
     ] = "common",
     offset: Annotated[
@@ -78,14 +78,14 @@ def calibrate(
         raise InputError(f"--nu {nu:g}, expected 0 <= nu < 0.5")
     sought = compliance in ("common", "each")
     given = Given(
-        _positive("--modulus", modulus, "Pa"),
+        _usual("--modulus", modulus, "Pa"),
         None if offset is None else to_si(number_or_text(offset), "m", "--offset"),
         compliance if sought else to_si(number_or_text(compliance), "m/N", "--compliance"),
     )
     if not sought and given.compliance < 0.0:
         raise InputError(f"--compliance {compliance}, expected 0 or more")
     setup = Setup(nu, test, _platen(platen), None if run is None else shape_of_run(run))
-    options = Options(setup, given, _positive("--density", density, "kg/m^3"), _size(diameter))
+    options = Options(setup, given, _usual("--density", density, "kg/m^3"), _size(diameter))
     with progress_bar("calibrating") as progress:
         result = fit_all(data, options, output, overwrite, progress)
     _print(printer, result)
@@ -116,13 +116,23 @@ def _platen(text):
     ratio = to_si(number_or_text(nu), "", "--platen")
     if not 0.0 <= ratio < 0.5:
         raise InputError(f"--platen ν = {nu}, expected 0 <= ν < 0.5")
-    return _positive("--platen", modulus, "Pa"), ratio
+    return _usual("--platen", modulus, "Pa"), ratio
 
 
-def _positive(name, text, unit):
-    value = None if text is None else to_si(number_or_text(text), unit, name)
-    if value is not None and value <= 0.0:
-        raise InputError(f"{name} {text}, expected more than 0")
+def _usual(name, text, unit):
+    """A modulus or a density of an option, within what solids have; None where it is left out."""
+    from ..materials.elastic import USUAL_E, USUAL_RHO
+
+    if text is None:
+        return None
+    value, (least, most) = to_si(number_or_text(text), unit, name), {
+        "Pa": USUAL_E, "kg/m^3": USUAL_RHO
+    }[unit]  # fmt: skip
+    if not least <= value <= most:
+        low, high = with_unit(least, unit), with_unit(most, unit)
+        raise InputError(
+            f"{name} {with_unit(value, unit)}, expected {low} to {high}: has a unit been left out?"
+        )
     return value
 
 
