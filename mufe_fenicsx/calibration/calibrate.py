@@ -7,14 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import InputError
 from ..machine.files import new_folder, write_atomically
 from ..units import with_unit
-from . import sentences
+from . import own_mesh, sentences
 from .data import read_data, within_table
 from .figures import draw_curves, draw_friction, draw_survival
-from .fit import Given, fit_curves
+from .fit import Given, fit_simplest
 from .friction import fit_friction
 from .model import Setup
+from .parts import agreement
 from .weibull import fit_weibull
 
 #: File by which a folder of results is known.
@@ -53,7 +55,7 @@ def calibrate(paths, options, output, overwrite=False, progress=None):
     """
     data = read_data(paths, options.size)
     if data.curves:
-        data = within_table(data, options.setup, options.given.offset)
+        data = _within_model(data, options)
     result = {"parameters": [], "notes": [f"{note}." for note in data.notes], "material": ""}
     with new_folder(output, overwrite=overwrite, marker=TABLE) as folder:
         if data.curves:
@@ -68,13 +70,29 @@ def calibrate(paths, options, output, overwrite=False, progress=None):
     return result | {"output": Path(output)}
 
 
+def _within_model(data, options):
+    """The data without rows that the model does not know; what is given has to be possible."""
+    setup, given = options.setup, options.given
+    if setup.shape is not None:
+        data = own_mesh.as_grain(data, setup.shape)
+    data = within_table(data, setup, given.offset)
+    for curve in data.curves:
+        way = float(np.ptp(curve.displacement))
+        most = way / float(curve.force.max())
+        if not isinstance(given.compliance, str) and given.compliance >= most:
+            raise InputError(
+                f"compliance = {given.compliance:.3g} m/N, expected less than {most:.3g} m/N, the "
+                f"displacement over the force of curve {curve.name}"
+            )
+    return data
+
+
 def _pressed(folder, data, options, result, progress):
-    fit = fit_curves(data.curves, options.setup, options.given, progress)
+    fit, given = fit_simplest(data.curves, options.setup, options.given, progress)
+    law = agreement(fit, data.curves, options.setup, given)
     rows = result["parameters"]
     for name in fit.names:
         kind = name.partition(" ")[0]
-        if kind in ("yield", "hardening") and not sentences.yielded(fit):
-            continue
         ends = None if name in fit.held else fit.interval(name)
         rows.append(_row(TITLES.get(name, name), fit.value(name), ends, sentences.UNITS[kind]))
     if sentences.yielded(fit):
@@ -82,9 +100,13 @@ def _pressed(folder, data, options, result, progress):
         rows.append(_row(f"yield stress at plastic strain {strain:g}", stress, ends, "Pa"))
     rows.append(_row("scatter of force", fit.scatter, None, ""))
     result["correlation"] = {"names": fit.names, "matrix": fit.correlation}
-    said = sentences.limits_of(fit, options.given.E)
+    said = sentences.limits_of(fit, given, law)
+    if options.setup.shape is not None:
+        said += own_mesh.how_far(fit, options.setup)
     result["notes"] += said
-    block = sentences.material_block(fit, options.setup.nu, options.density)
+    unsure = [*sentences.reasons(fit, given, law), *filter(None, [sentences.misfit(fit)])]
+    unsure = unsure if given.E is None else []
+    block = sentences.material_block(fit, options.setup.nu, options.density, bool(unsure))
     result["material"] = "".join(f"# {each}\n" for each in said) + block
     offsets = [
         fit.value(f"offset {c.name}") if options.given.offset is None else options.given.offset

@@ -55,9 +55,10 @@ def calibrate(
         typer.Option(metavar="X", help="Displacement at touch, where it is known; else sought."),
     ] = None,
     run: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
-            metavar="RUN", help="Of a grain of this shape: a run of `mufe new single-grain`."
+            metavar="RUN",
+            help="Of a grain of this shape, as of `mufe new single-grain`; more, other materials.",
         ),
     ] = None,
     overwrite: Overwrite = False,
@@ -70,7 +71,7 @@ def calibrate(
     from ..calibration.calibrate import calibrate as fit_all
     from ..calibration.fit import Given
     from ..calibration.model import TESTS, Setup
-    from ..calibration.own_mesh import shape_of_run
+    from ..calibration.own_mesh import shape_of_runs
 
     if test not in TESTS:
         raise InputError(f'--test "{test}", expected one of {", ".join(TESTS)}')
@@ -84,7 +85,13 @@ def calibrate(
     )
     if not sought and given.compliance < 0.0:
         raise InputError(f"--compliance {compliance}, expected 0 or more")
-    setup = Setup(nu, test, _platen(platen), None if run is None else shape_of_run(run))
+    shape = shape_of_runs(run) if run else None
+    if shape and (sought or test != "platens" or shape.nu != nu):
+        raise InputError(
+            f"--compliance {compliance}, --test {test}, --nu {nu:g}, expected with --run the "
+            f"compliance that was measured, platens and {shape.nu:g}, that of the run"
+        )
+    setup = Setup(nu, test, _platen(platen), shape)
     options = Options(setup, given, _usual("--density", density, "kg/m^3"), _size(diameter))
     with progress_bar("calibrating") as progress:
         result = fit_all(data, options, output, overwrite, progress)
