@@ -90,23 +90,15 @@ def _within_model(data, options):
 def _pressed(folder, data, options, result, progress):
     fit, given = fit_simplest(data.curves, options.setup, options.given, progress)
     law = agreement(fit, data.curves, options.setup, given)
-    rows = result["parameters"]
-    for name in fit.names:
-        kind = name.partition(" ")[0]
-        ends = None if name in fit.held else fit.interval(name)
-        rows.append(_row(TITLES.get(name, name), fit.value(name), ends, sentences.UNITS[kind]))
-    if sentences.yielded(fit):
-        strain, stress, ends = sentences.end_of_table(fit)
-        rows.append(_row(f"yield stress at plastic strain {strain:g}", stress, ends, "Pa"))
-    rows.append(_row("scatter of force", fit.scatter, None, ""))
+    result["parameters"] += _found(fit, law)
     result["correlation"] = {"names": fit.names, "matrix": fit.correlation}
     said = sentences.limits_of(fit, given, law)
-    if options.setup.shape is not None:
-        said += own_mesh.how_far(fit, options.setup)
+    far, spoilt = own_mesh.how_far(fit, options.setup)
+    said += far
     result["notes"] += said
     unsure = [*sentences.reasons(fit, given, law), *filter(None, [sentences.misfit(fit)])]
-    unsure = unsure if given.E is None else []
-    block = sentences.material_block(fit, options.setup.nu, options.density, bool(unsure))
+    unsure = given.E is None and (spoilt or bool(unsure))
+    block = sentences.material_block(fit, options.setup.nu, options.density, unsure)
     result["material"] = "".join(f"# {each}\n" for each in said) + block
     offsets = [
         fit.value(f"offset {c.name}") if options.given.offset is None else options.given.offset
@@ -116,6 +108,22 @@ def _pressed(folder, data, options, result, progress):
     table = [["", *fit.names], *([n, *(f"{v:.4f}" for v in row)]
              for n, row in zip(fit.names, fit.correlation, strict=True))]  # fmt: skip
     write_atomically(folder / "correlation.csv", _text(table))
+
+
+def _found(fit, law):
+    """Rows of the table; a model that does not fit has no intervals."""
+    rows, fits = [], sentences.misfit(fit) is None
+    for name in fit.names:
+        ends = fit.interval(name) if fits and name not in fit.held else None
+        if ends and law and law.name == name and not law.agrees:
+            ends = law.ends
+        unit = sentences.UNITS[name.partition(" ")[0]]
+        rows.append(_row(TITLES.get(name, name), fit.value(name), ends, unit))
+    if sentences.yielded(fit):
+        strain, stress, ends = sentences.end_of_table(fit)
+        name = f"yield stress at plastic strain {strain:g}"
+        rows.append(_row(name, stress, ends if fits else None, "Pa"))
+    return [*rows, _row("scatter of force", fit.scatter, None, "")]
 
 
 def _rubbed(folder, data, result):

@@ -6,7 +6,7 @@ their scatter, which is in proportion to the force beyond a part of the largest.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -29,8 +29,12 @@ STARTS = tuple((y, k) for y in (2e-4, 2e-3, 1e-2, 4e-2) for k in (2.0, 40.0, 400
 #: half a wave and a whole one over so many decades of the force. Measured against finer meshes on
 #: platens that are bodies, of two materials.
 MODEL_ERRORS, DECADES = (0.01, 0.007, 0.003), 2.0
-#: Neighbours of a curve whose second differences are taken for noise have this many times its square.
+#: Squares of second differences over those of the noise that makes them.
 SECOND = 6.0
+#: Moduli that are tried, over the one that was found.
+ASIDE = (0.1, 0.316, 3.16, 10.0)
+#: Half-width of an interval in logarithms from which on a value counts as not determined.
+WIDE = math.log(2.0)
 #: Approach over that of first yield below which the force is that of an elastic ball.
 ELASTIC = 1.9
 #: Evaluations that each start has, and how many of the best go on.
@@ -63,6 +67,7 @@ class Fit:
     straying: float  #: correlation of neighbours among the residuals
     held: list  #: names of unknowns at an end of what is sought, without an interval
     material: dict  #: E, yield, hardening [Pa], given or found
+    others: list = field(default_factory=list)  #: materials that fit as well, as ``material``
 
     def interval(self, name):
         """Ends of the interval of 95 %, in SI units."""
@@ -70,7 +75,10 @@ class Fit:
         low, high = self.values[i] - half, self.values[i] + half
         if name.startswith("compliance"):
             low = max(low, 0.0)
-        return (math.exp(low), math.exp(min(high, 700.0))) if name in MATERIAL else (low, high)
+        if name not in MATERIAL:
+            return low, high
+        others = [other[name] for other in self.others]
+        return min(math.exp(low), *others, math.inf), max(math.exp(min(high, 700.0)), *others, 0.0)
 
     def value(self, name):
         """A value in SI units."""
@@ -254,11 +262,31 @@ def fit_simplest(curves, setup, given, progress=None):
         return fit, given  # nothing would be left to seek
     without = replace(given, elastic=True)
     elastic = fit_curves(curves, setup, without)
-    # Two unknowns less: by noise alone the square grows by so much in one of a hundred cases.
-    chance = 2 / fit.freedom * f_distribution.ppf(0.99, 2, fit.freedom)
-    more = elastic.scatter**2 - fit.scatter**2
-    simple = more < max(chance * fit.scatter**2, MODEL_ERRORS[0] ** 2)
-    return (elastic, without) if simple or fit.yields < ELASTIC else (fit, given)
+    # By noise alone the square grows by so much in one of a hundred cases.
+    more, most = elastic.scatter**2 - fit.scatter**2, _by_chance(fit, curves, 2, 0.99)
+    # Or the model's own error makes up for it, and the interval has grains that do not yield.
+    to_elastic = 0.5 * math.log(max(fit.yields / ELASTIC, 1.0))
+    reached = more < MODEL_ERRORS[0] ** 2 and fit.half_width("yield") >= to_elastic
+    if more < most or reached:
+        return elastic, without
+    return replace(fit, others=_others(fit, curves, setup, given)), given
+
+
+def _by_chance(fit, curves, fewer, part):
+    """By how much the square of the scatter grows with fewer unknowns, in a part of all cases."""
+    free = max(sum(curve.force.size for curve in curves) - len(fit.names), 1)
+    return fit.scatter**2 * fewer / free * f_distribution.ppf(part, fewer, free)
+
+
+def _others(fit, curves, setup, given):
+    """Materials with quite another modulus that fit as well: where all flows there may be some."""
+    if "E" not in fit.names:
+        return []
+    most = fit.scatter**2 + _by_chance(fit, curves, 1, 0.95)
+    moduli = [fit.material["E"] * part for part in ASIDE]
+    found = [fit_curves(curves, setup, replace(given, E=E)) for E in moduli
+             if USUAL_E[0] < E < USUAL_E[1]]  # fmt: skip
+    return [each.material for each in found if each.scatter**2 < most]
 
 
 def _solve(problem, x, bounds, most):

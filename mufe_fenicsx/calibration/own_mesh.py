@@ -30,8 +30,9 @@ RESOLVED = 1.0
 #: Force goes with R^½ where a grain is elastic and with R where it flows: the part of log ψ by
 #: which materials that are a factor e apart may differ.
 PART = 1 / 3
-#: Logarithms of materials that are nearer tell no slope, and that are farther want another run.
-NEAR, FAR = 0.1, 0.4
+#: Logarithms of materials that are nearer tell no slope; that are farther want another run, and
+#: from which on no error is known.
+NEAR, FAR, SPOILT = 0.1, 0.4, 1.0
 
 
 @dataclass(frozen=True)
@@ -96,21 +97,24 @@ def as_grain(data, shape):
 
 
 def how_far(fit, setup):
-    """Sentences: where the material that was found is far from those of the runs.
+    """Sentences where a material is far from those of all runs, and whether that spoils it. Local.
 
     Args:
         fit: :class:`~.fit.Fit`.
         setup: :class:`~.model.Setup`.
     """
+    if setup.shape is None:
+        return [], False
     E, Y, H = (fit.material[name] for name in ("E", "yield", "hardening"))
     away = setup.shape.distance(Y / setup.modulus(E), H / Y)
     if away < FAR:
-        return []
-    return [
+        return [], False
+    said = (
         f"No run has nearly this material (a factor of {np.exp(away):.2g} in yield stress over "
         "modulus or in hardening), for which intervals are wider: run the grain with it too, and "
         "give all runs, each by --run."
-    ]
+    )
+    return [said], away > SPOILT
 
 
 def place(Y, k):

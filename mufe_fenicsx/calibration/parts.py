@@ -6,13 +6,14 @@ value. Each is compared with those of smaller parts (J. A. Hausman, Econometrica
 1251-1271).
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student
 
 from .data import LEAST
-from .fit import fit_curves
+from .fit import WIDE, fit_curves
 
 #: Of the largest force of each curve.
 PARTS = (0.5, 0.25, 0.125)
@@ -29,6 +30,7 @@ class Agreement:
     name: str  #: "E" or "yield"
     parts: list  #: of the largest forces, the whole first
     values: list  #: [Pa]
+    ends: tuple  #: of the intervals of all parts [Pa]
     until: int | None  #: the first part that all smaller ones confirm; None: none
 
     @property
@@ -59,7 +61,7 @@ def agreement(fit, curves, setup, given):
         if sum(c.force.size for c in lower) < SPARE * unknowns:
             break
         found = fit_curves(lower, setup, given)
-        if name not in found.held:
+        if name not in found.held and found.half_width(name) < WIDE:
             fits.append(found)
             parts.append(part)
     chance = CHANCE / max(len(fits) - 1, 1)
@@ -67,7 +69,9 @@ def agreement(fit, curves, setup, given):
                   and (i < len(fits) - 1 or i == 0)
                   and all(_alike(each, other, name, chance) for other in fits[i + 1 :])),
                  None)  # fmt: skip
-    return Agreement(name, parts, [each.value(name) for each in fits], until)
+    known = [each.interval(name) for each in fits if name not in each.held]
+    ends = min((low for low, _ in known), default=0.0), max((e for _, e in known), default=math.inf)
+    return Agreement(name, parts, [each.value(name) for each in fits], ends, until)
 
 
 def _below(curve, part):

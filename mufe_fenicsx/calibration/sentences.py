@@ -6,10 +6,8 @@ import numpy as np
 from scipy.stats import t as student
 
 from ..units import with_unit
-from .fit import ELASTIC, MODEL_ERRORS
+from .fit import ELASTIC, MODEL_ERRORS, WIDE
 
-#: Half-width of an interval in logarithms from which on a value counts as not determined.
-WIDE = math.log(2.0)
 #: Correlation from which on two values are told by their combination alone.
 ALIKE = 0.95
 WORDS = {"E": "Young's modulus", "yield": "the yield stress", "hardening": "the hardening",
@@ -61,10 +59,15 @@ def reasons(fit, given, law=None):
             f"E = {end} is an end of what is sought: the curves do not determine it; "
             "give --modulus."
         )
-    elif fit.half_width("E") > WIDE:
+    elif _is_wide(fit, "E"):
         low, high = (with_unit(end, "Pa") for end in fit.interval("E"))
         said.append(f"The curves do not determine Young's modulus: {low} to {high} fit.")
     return said + ([_other_law(law)] if law and not law.agrees else [])
+
+
+def _is_wide(fit, name):
+    low, high = fit.interval(name)
+    return 0.5 * math.log(high / low) > WIDE
 
 
 def _other_law(law):
@@ -112,7 +115,7 @@ def limits_of(fit, given, law=None):
             f"{with_unit(least_yield(fit), 'Pa')}, hardening is not determined.",
         ]  # fmt: skip
     strain, _, (low, high) = end_of_table(fit)
-    if fit.half_width("yield") > WIDE:
+    if _is_wide(fit, "yield"):
         ends = " to ".join(with_unit(end, "Pa") for end in fit.interval("yield"))
         said.append(f"The curves do not determine the yield stress: {ends} fit.")
     if 0.5 * math.log(high / low) > WIDE:
@@ -143,17 +146,19 @@ def _alike(fit):
     return said
 
 
-def material_block(fit, nu, density, why=""):
+def material_block(fit, nu, density, unsure=False):
     """The table [material] of a scene, as TOML.
 
     Args:
         fit: :class:`~.fit.Fit`.
         nu: Poisson's ratio.
         density: [kg/m³].
-        why: Why the modulus is not determined, "" where it is: then it is no line of the table.
+        unsure: The modulus is not determined: it is no line of the table.
     """
     E = with_unit(fit.material["E"], "Pa")
-    modulus = f"# E: state it; the curves do not tell it, {E} is no result" if why else f'E = "{E}"'
+    modulus = (
+        f"# E: state it; the curves do not tell it, {E} is no result" if unsure else f'E = "{E}"'
+    )
     lines = ["[material]", f'model = "{"j2" if yielded(fit) else "elastic"}"', modulus,
              f"nu = {nu:g}", f'rho = "{density:g} kg/m^3"']  # fmt: skip
     if yielded(fit):

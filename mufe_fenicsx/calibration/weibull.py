@@ -4,7 +4,8 @@ The strength of a grain of diameter d that breaks under the force F is by conven
 
     σ = F/d²  (J. C. Jaeger, Int. J. Rock Mech. Min. Sci. 4, 1967, 219-227),
 
-of the order of the tension that splits it (0.9 F/d² by Hiramatsu & Oka 1966), and the part of grains that survives a stress is
+of which the tension that splits it is 0.9 (Y. Hiramatsu, Y. Oka 1966), and the part of grains that
+survives a stress is
 
     P(σ) = exp[-(σ/s)^m],  s = σ₀ (d/d₀)^(-b),
 

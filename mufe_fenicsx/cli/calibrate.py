@@ -47,7 +47,8 @@ def calibrate(
     compliance: Annotated[
         str,
         typer.Option(
-            metavar="C", help='Of the machine, as "0.05 um/N"; or sought: common, or each for one of each curve.'
+            metavar="C",
+            help='Of the machine, as "0.05 um/N"; else sought: "common", or "each" for each curve.',
         ),
     ] = "common",
     offset: Annotated[
@@ -109,7 +110,7 @@ def _print(printer, result):
     printer.say(*result["notes"])
     if result["material"]:
         lines = result["material"].strip().splitlines()
-        printer.say("", *(line for line in lines if not line.startswith("#")), "")
+        printer.say("", *(each for each in lines if each[0:1] != "#" or each.startswith("# E")), "")
     printer.say(f"tables and figures: {result['output']}")
 
 
