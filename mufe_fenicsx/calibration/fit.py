@@ -32,7 +32,7 @@ MODEL_ERRORS, DECADES = (0.01, 0.007, 0.003), 2.0
 #: Squares of second differences over those of the noise that makes them.
 SECOND = 6.0
 #: Moduli that are tried, over the one that was found.
-ASIDE = (0.1, 0.316, 3.16, 10.0)
+ASIDE = (0.1, 0.3, 0.6, 1.7, 3.0, 10.0)
 #: Half-width of an interval in logarithms from which on a value counts as not determined.
 WIDE = math.log(2.0)
 #: Approach over that of first yield below which the force is that of an elastic ball.

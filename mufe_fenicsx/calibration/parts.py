@@ -30,13 +30,19 @@ class Agreement:
     name: str  #: "E" or "yield"
     parts: list  #: of the largest forces, the whole first
     values: list  #: [Pa]
-    ends: tuple  #: of the intervals of all parts [Pa]
+    intervals: list  #: of 95 % [Pa]; (0, inf) where there is none
     until: int | None  #: the first part that all smaller ones confirm; None: none
 
     @property
     def agrees(self):
         """Whether all parts confirm the whole, or there are none."""
         return self.until == 0
+
+    @property
+    def ends(self):
+        """Of all intervals [Pa]."""
+        low, high = zip(*self.intervals, strict=True)
+        return min(low), max(high)
 
 
 def agreement(fit, curves, setup, given):
@@ -69,9 +75,8 @@ def agreement(fit, curves, setup, given):
                   and (i < len(fits) - 1 or i == 0)
                   and all(_alike(each, other, name, chance) for other in fits[i + 1 :])),
                  None)  # fmt: skip
-    known = [each.interval(name) for each in fits if name not in each.held]
-    ends = min((low for low, _ in known), default=0.0), max((e for _, e in known), default=math.inf)
-    return Agreement(name, parts, [each.value(name) for each in fits], ends, until)
+    intervals = [(0.0, math.inf) if name in each.held else each.interval(name) for each in fits]
+    return Agreement(name, parts, [each.value(name) for each in fits], intervals, until)
 
 
 def _below(curve, part):

@@ -81,10 +81,15 @@ def _other_law(law):
     )
     if law.until is None:
         return said + f"None is confirmed: give --modulus or cut curves below {law.parts[-1]:g}."
-    value, part = with_unit(law.values[law.until], "Pa"), law.parts[law.until]
-    if law.name == "E":
-        return said + f'Give --modulus "{value}", which they confirm up to {part:g} of the force.'
-    return said + f"Cut curves at {part:g} of their force, or take the table as a mean."
+    part = law.parts[law.until]
+    if law.name != "E":
+        return said + f"Cut curves at {part:g} of their force, or take the table as a mean."
+    # The lowest part has the least of the law of hardening.
+    value, *ends = (with_unit(each, "Pa") for each in (law.values[-1], *law.intervals[-1]))
+    return said + (
+        f'Give --modulus "{value}" ({" to ".join(ends)}), the lowest part, which others confirm '
+        f"up to {part:g} of the force, or what you know."
+    )
 
 
 def misfit(fit):
