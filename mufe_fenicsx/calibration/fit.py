@@ -32,7 +32,7 @@ MODEL_ERRORS, DECADES = (0.01, 0.007, 0.003), 2.0
 #: Squares of second differences over those of the noise that makes them.
 SECOND = 6.0
 #: Moduli that are tried, over the one that was found.
-ASIDE = (0.1, 0.3, 0.6, 1.7, 3.0, 10.0)
+ASIDE = (0.1, 0.3, 0.7, 1.4, 3.0, 10.0)
 #: Half-width of an interval in logarithms from which on a value counts as not determined.
 WIDE = math.log(2.0)
 #: Approach over that of first yield below which the force is that of an elastic ball.
@@ -282,7 +282,7 @@ def _others(fit, curves, setup, given):
     """Materials with quite another modulus that fit as well: where all flows there may be some."""
     if "E" not in fit.names:
         return []
-    most = fit.scatter**2 + _by_chance(fit, curves, 1, 0.95)
+    most = fit.scatter**2 + _by_chance(fit, curves, 1, 0.99)
     moduli = [fit.material["E"] * part for part in ASIDE]
     found = [fit_curves(curves, setup, replace(given, E=E)) for E in moduli
              if USUAL_E[0] < E < USUAL_E[1]]  # fmt: skip
