@@ -123,7 +123,7 @@ def test_a_law_that_fits_with_another_modulus_is_not_confirmed_by_parts():
     assert sentences.reasons(fit, Given(), law)[-1].startswith("Up to their largest force")
     block = sentences.material_block(fit, GLASS_NU, 2500.0, unsure=True)
     assert "E" not in tomllib.loads(block)["material"]
-    # Tabor's strain makes curves that are nearly those of a grain; whole ones are 3 times as far off.
+    # Tabor's strain makes curves nearly those of a grain; whole ones are three times as far off.
     assert law.values[-1] == pytest.approx(95e9, rel=0.15) and law.values[0] > 1.45 * 95e9
 
     curves = made_curves(SETUP.course(E, YIELD, 10e9), SETUP, 6, 0.02, 3)
