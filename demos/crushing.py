@@ -3,7 +3,7 @@
 The strength of a grain is the largest force that it bears before a fragment comes loose, over its
 diameter squared. By Weibull's law the part P of the grains survives a stress σ:
 
-    σ = F/d²,  P(σ) = exp(-(σ/σ₀)^m)  (McDowell & Bolton 1998).
+    σ = F/d²,  P(σ) = exp(-(σ/σ₀)^m)  (Jaeger 1967; McDowell & Bolton 1998).
 
 Each seed is a grain: the scene of `mufe new crushing`, one to three minutes each.
 """
@@ -22,6 +22,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from mpi4py import MPI
 
+from mufe_fenicsx.calibration.weibull import fit_weibull
 from mufe_fenicsx.synthetic.starter_scenes import D50, write_new_scene
 
 parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
@@ -46,13 +47,17 @@ for seed in range(1, given.seeds + 1):
     crushed = (history["stage"] == "crush").to_numpy()
     left.plot(history["strain"][crushed], stress[crushed] / 1e6, lw=0.9)
 
-# Of n grains the k-th weakest is that of P = 1 - k/(n + 1). The slope of the line is m.
+# Of n grains the k-th weakest is drawn at P = 1 - k/(n + 1); the law is that of largest likelihood.
 strength = np.sort(strength)
 survive = 1 - np.arange(1, given.seeds + 1) / (given.seeds + 1)
 right.plot(strength / 1e6, survive, "o")
 if given.seeds > 1:
-    m, _ = np.polyfit(np.log(strength), np.log(-np.log(survive)), 1)
-    print(f"m = {m:.1f} of grains; {scene.fracture.modulus:g} of facets")
+    law = fit_weibull(strength * D50**2, np.full(given.seeds, D50))
+    low, high = law.modulus_interval
+    print(f"m = {law.modulus:.1f} ({low:.1f} to {high:.1f}) of grains; "
+          f"{scene.fracture.modulus:g} of facets")  # fmt: skip
+    stress = np.linspace(0.0, 1.2 * strength[-1], 200)
+    right.plot(stress / 1e6, np.exp(-((stress / law.strength) ** law.modulus)))
 left.set(xlabel="strain", ylabel="$F/d^2$ [MPa]")
 right.set(xlabel="strength, $F/d^2$ [MPa]", ylabel="part that survives", ylim=(0, 1))
 if given.figure:

@@ -57,10 +57,10 @@ PLAUSIBLE = {
 }
 
 #: Characters of a unit, and of all with its number. Its names may have small powers and no numbers:
-#: pint would compute a tower of them.
+#: pint would compute a tower of them. Of "kPas", kPa s, it would make kPa.
 LONGEST_UNIT, LONGEST = 40, 100
 _UNIT = re.compile(
-    r"%|[^\W\d]+(?:(?:\^|\*\*)?[+-]?\d)?(?:\s*[*/·\s]\s*[^\W\d]+(?:(?:\^|\*\*)?[+-]?\d)?)*"
+    r"(?!.*Pas\b)(?:%|[^\W\d]+(?:(?:\^|\*\*)?[+-]?\d)?(?:\s*[*/·\s]\s*[^\W\d]+(?:(?:\^|\*\*)?[+-]?\d)?)*)"
 )
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*?)?\s*")
 

@@ -51,6 +51,19 @@ def covariance_of(jacobian, residual, sizes, free):
     return inverse * variance / worth, max(int(spare * worth), 1), straying
 
 
+def shift_of(jacobian, error, free):
+    """By how much unknowns move where the residuals have an error, shape (num_unknowns,).
+
+    Args:
+        jacobian, free: As of :func:`covariance_of`.
+        error: Shape (num_rows,).
+    """
+    shift, norm = np.zeros(free.size), np.linalg.norm(jacobian, axis=0)
+    scale = np.maximum(norm, 1e-12 * norm.max())[free]
+    shift[free] = np.linalg.lstsq(jacobian[:, free] / scale, error, rcond=1e-7)[0] / scale
+    return shift
+
+
 def _straying(residual, rows):
     pairs = [(residual[own][:-1], residual[own][1:]) for own in rows]
     square = sum(float(a @ a + b @ b) for a, b in pairs)

@@ -3,7 +3,6 @@
 import numpy as np
 
 from ..report import style
-from .weibull import FACTOR
 
 #: Curves up to which each has its name in the legend.
 NAMED = 6
@@ -83,6 +82,6 @@ def draw_survival(path, found):
         right.set(ylabel=r"$\ln(1/P)$: –")
         style.plain_log_ticks(right.xaxis)
         for k, axis in enumerate((left, right)):
-            axis.set_xlabel(rf"strength {FACTOR:g} $F/d^2${size}: MPa")
+            axis.set_xlabel(f"strength $F/d^2${size}: MPa")
             style.panel_letter(axis, k)
         figure.savefig(path)

@@ -29,8 +29,7 @@ class Setup:
     nu: float  #: Poisson's ratio of the grains
     test: str = "platens"  #: between two platens; two like grains; on one platen, held elsewhere
     platen: tuple | None = None  #: Young's modulus [Pa] and Poisson's ratio; None: rigid
-    #: Approaches over R and force over that of the ball, as of :mod:`~.own_mesh`; None: a ball.
-    shape: tuple | None = None
+    shape: object = None  #: :class:`~.own_mesh.Shape`; None: a ball
 
     @property
     def contacts(self):
@@ -55,13 +54,14 @@ class Setup:
         modulus = self.modulus(E)
         delta, ratio, strain = ball.load().course(self.nu, Y / modulus, H / Y)
         if self.shape is not None:
-            ratio = ratio * np.interp(delta, *self.shape)
+            ratio = ratio * self.shape.ratio(delta, Y / modulus, H / Y)
         return delta, 4 / 3 * modulus * delta**1.5 * ratio, strain
 
     @property
     def longest(self):
-        """Largest displacement over the radius that the table of the ball knows."""
-        return self.contacts * float(ball.load().delta[-1])
+        """Largest displacement over the radius that the table of the ball or runs know."""
+        known = ball.load() if self.shape is None else self.shape
+        return self.contacts * float(known.delta[-1])
 
 
 def forces(curve, setup, course, offset, compliance):

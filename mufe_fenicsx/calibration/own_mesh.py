@@ -1,12 +1,16 @@
-"""A grain of any shape: its force over that of the ball of its volume, from a run with its mesh.
+"""A grain of any shape: its force over that of the ball of its volume, from runs with its mesh.
 
-``mufe new single-grain`` presses a grain between two platens. By how much its force differs from
-that of a ball is a matter of its shape and hardly of its material, so that one run, at about the
-material that was found with a ball, corrects the model:
+``mufe new single-grain`` presses a grain between two platens. What its shape does to the force is
+a smooth function of the approach, which depends little on the material,
 
-    F(δ) = ψ(δ/R) F_ball(δ),   ψ = F_run/F_ball at the material of the run.
+    F(δ) = ψ(δ/R; Y/E*, H/Y) F_ball(δ),   ψ = F_run/F_ball at the material of a run.
+
+Of several runs log ψ is linear in the logarithms of Y/E* and 1 + H/Y/10, of one it is that of its
+material. Contacts of less than one edge per radius are those of a mesh and not of a grain: there ψ
+is not known.
 """
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,22 +19,155 @@ from ..errors import InputError
 from ..materials.j2 import J2
 from ..results.run import Run
 from ..scene.reading import load_scene
+from . import ball
+from .data import LEAST, Size
 from .model import Setup
 
-#: Approaches of ψ, and the part of the largest from which on the run counts: smaller contacts have
-#: too few elements to tell a shape from a mesh.
-POINTS, FROM = 6, 0.25
+#: Approaches of ψ, and how many finer ones make the mean at each.
+POINTS, FINER = 16, 8
+#: Edges per radius of the contact from which on a run counts.
+RESOLVED = 1.0
+#: Force goes with R^½ where a grain is elastic and with R where it flows: the part of log ψ by
+#: which materials that are a factor e apart may differ.
+PART = 1 / 3
+#: Logarithms of materials that are nearer tell no slope; that are farther want another run, and
+#: from which on no error is known.
+NEAR, FAR, SPOILT = 0.1, 0.4, 1.0
 
 
-def shape_of_run(path):
-    """Approach over radius and ψ there, each of shape (num_points,). Local.
+@dataclass(frozen=True)
+class Shape:
+    """ψ of some runs with the mesh of one grain."""
+
+    delta: np.ndarray  #: approaches over R, shape (num_points,)
+    log_ratio: np.ndarray  #: log ψ, shape (num_runs, num_points)
+    places: np.ndarray  #: of the materials, as by :func:`place`, shape (num_runs, 2)
+    least: float  #: force over R² [Pa] from which on contacts are resolved
+    nu: float  #: Poisson's ratio of the runs
+
+    def ratio(self, delta, Y, k):
+        """ψ at approaches over R, for Y/E* and H/Y."""
+        return np.exp(self._at(np.log(delta), place(Y, k)))
+
+    def _at(self, log_delta, where):
+        mean = self.places.mean(axis=0)
+        apart, values = self.places - mean, self.log_ratio.mean(axis=0)
+        near = apart @ apart.T + NEAR**2 * np.eye(len(apart))
+        slopes = apart.T @ np.linalg.solve(near, self.log_ratio - values)
+        return np.interp(log_delta, np.log(self.delta), values + (where - mean) @ slopes)
+
+    def distance(self, Y, k):
+        """Of a material from the nearest run, in logarithms."""
+        return float(np.linalg.norm(self.places - place(Y, k), axis=1).min())
+
+    def error(self, delta, Y, k):
+        """Standard deviation of log ψ at approaches over R: the farther from runs, the larger."""
+        own = self._at(np.log(delta), place(Y, k))
+        return PART * own * min(self.distance(Y, k), 1.0)
+
+
+def as_grain(data, shape):
+    """The data with sizes of balls as large, and without forces below those that runs resolve.
 
     Args:
-        path: Folder of a run of one grain between the walls z.
+        data: :class:`~.data.Data`; its notes say what is left out.
+        shape: :class:`Shape`.
 
     Raises:
-        InputError: It is none, it has more grains or another material, or nothing is pressed.
+        InputError: Too few rows of a curve are left.
     """
+    curves = []
+    for curve in data.curves:
+        size = Size(*[curve.size.diameter] * 3)
+        least = shape.least * size.radius**2
+        keep = curve.force >= least
+        if keep.sum() < LEAST:
+            raise InputError(
+                f"curve {curve.name} has {keep.sum()} points from {least:.3g} N on, where the run "
+                f"has an edge per contact radius, expected {LEAST}"
+            )
+        if not keep.all():
+            data.notes.append(
+                f"{curve.name}: {(~keep).sum()} rows below {least:.3g} N, where the run has less "
+                "than an edge per contact radius, left out"
+            )
+        curves.append(replace(curve, displacement=curve.displacement[keep],
+                              force=curve.force[keep], size=size))  # fmt: skip
+    return replace(data, curves=curves)
+
+
+def how_far(fit, setup):
+    """Sentences where a material is far from those of all runs, and whether that spoils it. Local.
+
+    Args:
+        fit: :class:`~.fit.Fit`.
+        setup: :class:`~.model.Setup`.
+    """
+    if setup.shape is None:
+        return [], False
+    E, Y, H = (fit.material[name] for name in ("E", "yield", "hardening"))
+    away = setup.shape.distance(Y / setup.modulus(E), H / Y)
+    if away < FAR:
+        return [], False
+    said = (
+        f"No run has nearly this material (a factor of {np.exp(away):.2g} in yield stress over "
+        "modulus or in hardening), for which intervals are wider: run the grain with it too, and "
+        "give all runs, each by --run."
+    )
+    return [said], away > SPOILT
+
+
+def place(Y, k):
+    """Logarithms by which materials differ, of Y/E* and H/Y, shape (2,)."""
+    highest = ball.load().yields[-1]  # beyond, a ball is elastic
+    return np.array([np.log(min(Y, highest)), np.log1p(k / ball.KNEE)])
+
+
+def shape_of_runs(paths):
+    """:class:`Shape` of runs with the mesh of one grain. Local.
+
+    Args:
+        paths: Folders of runs of one grain between the walls z.
+
+    Raises:
+        InputError: One is none, it has more grains or another material, nothing is pressed, or
+            Poisson's ratios differ.
+    """
+    runs = [_read(path) for path in paths]
+    nu = runs[0][0].nu
+    for path, (material, *_) in zip(paths, runs, strict=True):
+        if material.nu != nu:
+            raise InputError(
+                f"run {path} has nu = {material.nu:g}, expected {nu:g}, as of {paths[0]}"
+            )
+    first, last = max(x[0] for _, x, _ in runs), min(x[-1] for _, x, _ in runs)
+    if not first < last:
+        raise InputError(
+            f"runs go from {first:.3g} and to {last:.3g} radii a contact, expected that they share "
+            "a way: press all by the same strain"
+        )
+    at, ratios, places = np.geomspace(first, last, POINTS), [], []
+    for material, x, stress in runs:
+        Y, H = _linear(material)
+        delta, own, _ = Setup(nu).course(material.E, Y, H)
+        ratio = np.log(stress / np.interp(x, delta, own))
+        finer = np.geomspace(first, last, POINTS * FINER)
+        found = np.interp(np.log(finer), np.log(x), ratio).reshape(POINTS, FINER)
+        ratios.append(np.interp(np.log(at), np.log(finer).reshape(POINTS, FINER).mean(axis=1),
+                                found.mean(axis=1)))  # fmt: skip
+        places.append(place(Y / Setup(nu).modulus(material.E), H / Y))
+    least = max(float(np.interp(first, x, stress)) for _, x, stress in runs)
+    return Shape(at, np.array(ratios), np.array(places), least, nu)
+
+
+def _linear(material):
+    """Yield stress and slope of hardening [Pa] of a table."""
+    strain, stress = material.yield_table()
+    return stress[0], (stress[-1] - stress[0]) / strain[-1] if strain[-1] > 0 else 0.0
+
+
+def _read(path):
+    """Material, approaches over radius and forces over its square [Pa] of a run."""
     run, scene = Run(path), load_scene(Path(path) / "scene.toml")
     history, material = run.history, scene.material
     grains, mass = (run.summary.get(key) for key in ("num_grains", "mass"))
@@ -39,31 +176,26 @@ def shape_of_run(path):
             f"run {path} has {grains} grains of {type(material).__name__}, mass = {mass} and "
             f"{len(history)} rows, expected one grain of J2, as of mufe new single-grain"
         )
-    last = int(np.argmin(history["height"]))
-    height = history["height"].to_numpy()[: last + 1]
-    force = history[["force_z_min", "force_z_max"]].to_numpy()[: last + 1].mean(axis=1)
-    loaded = force > 1e-3 * force.max()
-    if loaded.sum() < POINTS:
-        raise InputError(f"run {path} has {loaded.sum()} rows with a force, expected {POINTS}")
+    rows = history.iloc[: int(np.argmin(history["height"])) + 1]
+    height = rows["height"].to_numpy()
+    force = rows[["force_z_min", "force_z_max"]].to_numpy().mean(axis=1)
     R = 0.5 * np.cbrt(6 * mass / (np.pi * material.rho))
-    touched = _touch(height, force)
-    x = (touched - height[loaded]) / (2 * R)
-    at = np.geomspace(FROM * x[-1], x[-1], POINTS)
-    strain, stress = material.yield_table()
-    slope = (stress[-1] - stress[0]) / strain[-1] if strain[-1] > 0 else 0.0
-    delta, ball, _ = Setup(material.nu).course(material.E, stress[0], slope)
-    if x[-1] > delta[-1]:
+    x = (_touch(height, force) - height) / (2 * R)
+    resolved = (rows["elements_per_radius"].to_numpy() >= RESOLVED) & (force > 0.0)
+    resolved &= (x > 0.0) & (x <= ball.load().delta[-1])
+    if resolved.sum() < POINTS:
         raise InputError(
-            f"run {path} goes to {x[-1]:.3g} radii a contact, expected at most {delta[-1]:g}"
+            f"run {path} has {resolved.sum()} rows with {RESOLVED:g} edge per contact radius or "
+            f"more, expected {POINTS}: press farther, with more rows of history, or a finer mesh"
         )
-    found = np.interp(at, np.maximum.accumulate(x), force[loaded])
-    return at, found / (np.interp(at, delta, ball) * R**2)
+    # Time steps shake a platen: a row above the next ones is no way back.
+    x, grown = np.unique(np.maximum.accumulate(x[resolved]), return_index=True)
+    return material, x, force[resolved][grown] / R**2
 
 
 def _touch(height, force):
-    """Height of first touch [m]: F^⅔ of the rows up to a fifth of the force, drawn on to 0."""
-    low = (force > 0.01 * force.max()) & (force < 0.2 * force.max())
-    if low.sum() < 2:
-        return float(height[force > 0.0][0])
-    slope, level = np.polyfit(height[low], force[low] ** (2 / 3), 1)
-    return float(min(-level / slope, height.max()))
+    """Height of first touch [m]: of the last row without a force, or else the first row."""
+    free = np.flatnonzero(force <= 0.0)
+    loaded = np.flatnonzero(force > 0.0)[0]
+    before = free[free < loaded]
+    return float(height[before[-1]] if before.size else height[loaded])

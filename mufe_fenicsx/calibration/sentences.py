@@ -6,17 +6,10 @@ import numpy as np
 from scipy.stats import t as student
 
 from ..units import with_unit
+from .fit import ELASTIC, MODEL_ERRORS, WIDE
 
-#: Half-width of an interval in logarithms from which on a value counts as not determined.
-WIDE = math.log(2.0)
 #: Correlation from which on two values are told by their combination alone.
 ALIKE = 0.95
-#: Approach over that of first yield below which the force is that of an elastic ball.
-ELASTIC = 1.9
-#: Deviation of forces over those of the model from which on it is not that of these grains.
-FAR = 0.3
-#: Correlation of neighbours among the residuals from which on the model is another one.
-STRAY = 0.5
 WORDS = {"E": "Young's modulus", "yield": "the yield stress", "hardening": "the hardening",
          "compliance": "the compliance of the machine"}  # fmt: skip
 #: Of unknowns, by the first word of their names.
@@ -41,42 +34,113 @@ def end_of_table(fit):
 
 def yielded(fit):
     """Whether any grain left the elastic branch."""
-    return fit.yields > ELASTIC
+    return "yield" in fit.names
 
 
-def limits_of(fit, given_E):
-    """Sentences on what the curves do not determine."""
+def least_yield(fit):
+    """Yield stress [Pa] that grains have at least which did not leave the elastic branch."""
+    return fit.material["yield"] * math.sqrt(fit.yields / ELASTIC)
+
+
+def reasons(fit, given, law=None):
+    """Why the curves do not determine the modulus, each a sentence; none where they do.
+
+    Args:
+        fit: :class:`~.fit.Fit`.
+        given: :class:`~.fit.Given`.
+        law: :class:`~.parts.Agreement`, or None.
+    """
+    if given.E is not None:
+        return []
+    said = []
+    if "E" in fit.held:
+        end = with_unit(fit.value("E"), "Pa")
+        said.append(
+            f"E = {end} is an end of what is sought: the curves do not determine it; "
+            "give --modulus."
+        )
+    elif _is_wide(fit, "E"):
+        low, high = (with_unit(end, "Pa") for end in fit.interval("E"))
+        said.append(f"The curves do not determine Young's modulus: {low} to {high} fit.")
+    return said + ([_other_law(law)] if law and not law.agrees else [])
+
+
+def _is_wide(fit, name):
+    low, high = fit.interval(name)
+    return 0.5 * math.log(high / low) > WIDE
+
+
+def _other_law(law):
+    """Of parts of the curves that tell another value than the whole."""
+    whole, *lower = (with_unit(value, "Pa") for value in law.values)
+    parts = [f"up to {part:g} of it {value}"
+             for part, value in zip(law.parts[1:], lower, strict=True)]  # fmt: skip
+    said = (
+        f"Up to their largest force curves give {WORDS[law.name]} {whole}, {', '.join(parts)}: "
+        "grains do not harden linearly, or grains and machine give way otherwise than the model. "
+    )
+    if law.until is None:
+        return said + f"None is confirmed: give --modulus or cut curves below {law.parts[-1]:g}."
+    part = law.parts[law.until]
+    if law.name != "E":
+        return said + f"Cut curves at {part:g} of their force, or take the table as a mean."
+    # The lowest part has the least of the law of hardening.
+    value, *ends = (with_unit(each, "Pa") for each in (law.values[-1], *law.intervals[-1]))
+    return said + (
+        f'Give --modulus "{value}" ({" to ".join(ends)}), the lowest part, which others confirm '
+        f"up to {part:g} of the force, or what you know."
+    )
+
+
+def misfit(fit):
+    """A sentence where forces stray from the model in one piece and not by noise, else None."""
+    if fit.scatter**2 - fit.noise**2 < max(fit.noise, 2 * MODEL_ERRORS[0]) ** 2:
+        return None
+    return (
+        f"The model does not fit: forces are {100 * fit.scatter:.2g} % off, neighbours differ by "
+        f"{100 * fit.noise:.2g} %. Grains are no balls or do not harden linearly: cut curves where "
+        "curves.png shows that they leave the model, or give --modulus."
+    )
+
+
+def limits_of(fit, given, law=None):
+    """Sentences on what the curves do not determine; arguments as of :func:`reasons`."""
     said = [
         f"{name} = {with_unit(fit.value(name), UNITS[name.partition(' ')[0]])} is an end of what "
-        f"is sought: the curves do not determine it{'; give --modulus' if name == 'E' else ''}."
-        for name in fit.held
-        if yielded(fit) or name not in ("yield", "hardening")
-    ]
-    if fit.scatter > FAR:
-        said.append(f"The model does not fit: forces are {100 * fit.scatter:.0f} % off.")
+        "is sought: the curves do not determine it." for name in fit.held if name != "E"
+    ]  # fmt: skip
+    said += [*reasons(fit, given, law), *filter(None, [misfit(fit)])]
+    if law and not law.agrees and given.E is not None:
+        said.append(_other_law(law))
     if not yielded(fit):
+        if misfit(fit) is not None:
+            return said
         return [
-            *said, "No curve leaves the elastic branch: the yield stress is at least "
-            f"{with_unit(fit.material['yield'], 'Pa')}, hardening is not determined.",
+            *said, "No curve leaves the elastic branch: the yield stress is at least about "
+            f"{with_unit(least_yield(fit), 'Pa')}, hardening is not determined.",
         ]  # fmt: skip
     strain, _, (low, high) = end_of_table(fit)
-    for name in ("E", "yield"):
-        if name not in fit.names:
-            continue
-        ends = fit.interval(name)
-        if 0.5 * math.log(ends[1] / ends[0]) > WIDE:
-            said.append(
-                f"The curves do not determine {WORDS[name]}: {with_unit(ends[0], 'Pa')} to "
-                f"{with_unit(ends[1], 'Pa')} fit."
-            )
+    if _is_wide(fit, "yield"):
+        ends = " to ".join(with_unit(end, "Pa") for end in fit.interval("yield"))
+        said.append(f"The curves do not determine the yield stress: {ends} fit.")
     if 0.5 * math.log(high / low) > WIDE:
         said.append("The curves do not determine the hardening.")
+    said += _alike(fit)
+    said.append(
+        f"No grain passes a plastic strain of {fit.strain:.2g}: the hardening beyond is not "
+        f"determined, and the table ends at {strain:g}."
+    )
+    return said
+
+
+def _alike(fit):
+    """Of values that are told by their combination."""
     known = [n for n in ("E", "yield", "hardening", "compliance") if n in fit.names]
-    at = [fit.names.index(n) for n in known]
+    at, said = [fit.names.index(n) for n in known], []
     part = np.abs(fit.correlation[np.ix_(at, at)])
     for i, j in zip(*np.nonzero(np.triu(part, 1) > ALIKE), strict=True):
         advice = ""
-        if "E" in (known[i], known[j]) and given_E is None:
+        if "E" in (known[i], known[j]):
             advice = "; with --modulus the other one is known better"
         elif "compliance" in (known[i], known[j]):
             advice = "; measure the machine without a grain and give --compliance"
@@ -84,25 +148,24 @@ def limits_of(fit, given_E):
             f"Of {WORDS[known[i]]} and {WORDS[known[j]]} the curves tell a combination better than "
             f"each (correlation {fit.correlation[at[i], at[j]]:.2f}){advice}."
         )
-    said.append(
-        f"No grain passes a plastic strain of {fit.strain:.2g}: the hardening beyond is not "
-        f"determined, and the table ends at {strain:g}."
-    )
-    if fit.straying > STRAY:
-        said.append(
-            "Curves stray from the model in one piece (neighbours correlate with "
-            f"{fit.straying:.2f}): grains are no balls, or do not harden linearly. "
-            "Intervals are widened for it."
-        )
     return said
 
 
-def material_block(fit, nu, density):
-    """The table [material] of a scene, as TOML."""
-    E = fit.material["E"]
-    lines = ["[material]", f'model = "{"j2" if yielded(fit) else "elastic"}"',
-             f'E = "{with_unit(E, "Pa")}"', f"nu = {nu:g}",
-             f'rho = "{density:g} kg/m^3"']  # fmt: skip
+def material_block(fit, nu, density, unsure=False):
+    """The table [material] of a scene, as TOML.
+
+    Args:
+        fit: :class:`~.fit.Fit`.
+        nu: Poisson's ratio.
+        density: [kg/m³].
+        unsure: The modulus is not determined: it is no line of the table.
+    """
+    E = with_unit(fit.material["E"], "Pa")
+    modulus = (
+        f"# E: state it; the curves do not tell it, {E} is no result" if unsure else f'E = "{E}"'
+    )
+    lines = ["[material]", f'model = "{"j2" if yielded(fit) else "elastic"}"', modulus,
+             f"nu = {nu:g}", f'rho = "{density:g} kg/m^3"']  # fmt: skip
     if yielded(fit):
         strain, stress, _ = end_of_table(fit)
         first = with_unit(fit.material["yield"], "Pa")

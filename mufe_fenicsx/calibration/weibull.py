@@ -1,10 +1,11 @@
 """Strength of grains from the forces at which they broke: Weibull's law by maximum likelihood.
 
-The strength of a grain of diameter d that breaks under the force F is the largest tension in it,
+The strength of a grain of diameter d that breaks under the force F is by convention
 
-    σ = 0.9 F/d²  (Y. Hiramatsu, Y. Oka, Int. J. Rock Mech. Min. Sci. 3, 1966, 89-99),
+    σ = F/d²  (J. C. Jaeger, Int. J. Rock Mech. Min. Sci. 4, 1967, 219-227),
 
-and the part of grains that survives a stress is
+of which the tension that splits it is 0.9 (Y. Hiramatsu, Y. Oka 1966), and the part of grains that
+survives a stress is
 
     P(σ) = exp[-(σ/s)^m],  s = σ₀ (d/d₀)^(-b),
 
@@ -23,8 +24,6 @@ from scipy.stats import chi2
 
 from ..errors import InputError
 
-#: Of Hiramatsu and Oka.
-FACTOR = 0.9
 #: Largest over smallest size, and number of grains, from which on b is an unknown.
 SPREAD, ENOUGH = 1.5, 10
 #: Deviation of the logarithms of strengths below which no modulus is sought.
@@ -59,7 +58,7 @@ def fit_weibull(forces, diameters):
     Raises:
         InputError: Strengths are alike, or hang on the size alone.
     """
-    stresses = FACTOR * np.asarray(forces) / np.asarray(diameters) ** 2
+    stresses = np.asarray(forces) / np.asarray(diameters) ** 2
     y, x = np.log(stresses), np.log(diameters)
     size = x.mean()
     x = x - size

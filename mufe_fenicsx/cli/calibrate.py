@@ -47,7 +47,8 @@ def calibrate(
     compliance: Annotated[
         str,
         typer.Option(
-            metavar="C", help='Of the machine, as "0.05 um/N"; or sought: common or each curve\'s.'
+            metavar="C",
+            help='Of the machine, as "0.05 um/N"; else sought: "common", or "each" for each curve.',
         ),
     ] = "common",
     offset: Annotated[
@@ -55,9 +56,10 @@ def calibrate(
         typer.Option(metavar="X", help="Displacement at touch, where it is known; else sought."),
     ] = None,
     run: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
-            metavar="RUN", help="Of a grain of this shape: a run of `mufe new single-grain`."
+            metavar="RUN",
+            help="Of a grain of this shape, as of `mufe new single-grain`; more, other materials.",
         ),
     ] = None,
     overwrite: Overwrite = False,
@@ -70,7 +72,7 @@ def calibrate(
     from ..calibration.calibrate import calibrate as fit_all
     from ..calibration.fit import Given
     from ..calibration.model import TESTS, Setup
-    from ..calibration.own_mesh import shape_of_run
+    from ..calibration.own_mesh import shape_of_runs
 
     if test not in TESTS:
         raise InputError(f'--test "{test}", expected one of {", ".join(TESTS)}')
@@ -78,14 +80,20 @@ def calibrate(
         raise InputError(f"--nu {nu:g}, expected 0 <= nu < 0.5")
     sought = compliance in ("common", "each")
     given = Given(
-        _positive("--modulus", modulus, "Pa"),
+        _usual("--modulus", modulus, "Pa"),
         None if offset is None else to_si(number_or_text(offset), "m", "--offset"),
         compliance if sought else to_si(number_or_text(compliance), "m/N", "--compliance"),
     )
     if not sought and given.compliance < 0.0:
         raise InputError(f"--compliance {compliance}, expected 0 or more")
-    setup = Setup(nu, test, _platen(platen), None if run is None else shape_of_run(run))
-    options = Options(setup, given, _positive("--density", density, "kg/m^3"), _size(diameter))
+    shape = shape_of_runs(run) if run else None
+    if shape and (sought or test != "platens" or shape.nu != nu):
+        raise InputError(
+            f"--compliance {compliance}, --test {test}, --nu {nu:g}, expected with --run the "
+            f"compliance that was measured, platens and {shape.nu:g}, that of the run"
+        )
+    setup = Setup(nu, test, _platen(platen), shape)
+    options = Options(setup, given, _usual("--density", density, "kg/m^3"), _size(diameter))
     with progress_bar("calibrating") as progress:
         result = fit_all(data, options, output, overwrite, progress)
     _print(printer, result)
@@ -102,7 +110,7 @@ def _print(printer, result):
     printer.say(*result["notes"])
     if result["material"]:
         lines = result["material"].strip().splitlines()
-        printer.say("", *(line for line in lines if not line.startswith("#")), "")
+        printer.say("", *(each for each in lines if each[0:1] != "#" or each.startswith("# E")), "")
     printer.say(f"tables and figures: {result['output']}")
 
 
@@ -116,13 +124,23 @@ def _platen(text):
     ratio = to_si(number_or_text(nu), "", "--platen")
     if not 0.0 <= ratio < 0.5:
         raise InputError(f"--platen ν = {nu}, expected 0 <= ν < 0.5")
-    return _positive("--platen", modulus, "Pa"), ratio
+    return _usual("--platen", modulus, "Pa"), ratio
 
 
-def _positive(name, text, unit):
-    value = None if text is None else to_si(number_or_text(text), unit, name)
-    if value is not None and value <= 0.0:
-        raise InputError(f"{name} {text}, expected more than 0")
+def _usual(name, text, unit):
+    """A modulus or a density of an option, within what solids have; None where it is left out."""
+    from ..materials.elastic import USUAL_E, USUAL_RHO
+
+    if text is None:
+        return None
+    value, (least, most) = to_si(number_or_text(text), unit, name), {
+        "Pa": USUAL_E, "kg/m^3": USUAL_RHO
+    }[unit]  # fmt: skip
+    if not least <= value <= most:
+        low, high = with_unit(least, unit), with_unit(most, unit)
+        raise InputError(
+            f"{name} {with_unit(value, unit)}, expected {low} to {high}: has a unit been left out?"
+        )
     return value
 
 

@@ -11,7 +11,7 @@ from mufe_fenicsx.calibration.data import Size, read_data
 from mufe_fenicsx.calibration.fit import Given
 from mufe_fenicsx.calibration.friction import mindlin_force
 from mufe_fenicsx.calibration.model import Setup
-from mufe_fenicsx.calibration.own_mesh import shape_of_run
+from mufe_fenicsx.calibration.own_mesh import shape_of_runs
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.scene import load_scene
@@ -76,6 +76,7 @@ def test_what_is_written(tmp_path):
         ("disp [um], force [N], diameter [mm]\n1, 2, 3\n", "disp"),
         ("displacement, force [N]\n" + RISING, "displacement has no unit"),
         ("displacement [N], force [N]\n" + RISING, "displacement"),
+        ("displacement [um], force [kPas m^2]\n" + RISING, "kPas"),
         ("displacement [um], force [N]\n1, 1\n", "1 points"),
         ("displacement [um], force [N]\n" + RISING + "11, 20\n12, 12\n13, 9\n14, 8\n", "falls"),
         ("displacement [um], force [N]\n1, a\n", "force"),
@@ -107,6 +108,10 @@ def test_a_table_without_sizes_and_a_command_without_them(tmp_path):
         ([], "no size"),
         (["--diameter", "-1 mm"], "--diameter"),
         (["--diameter", "1 mm", "--platen", "steel"], "--platen"),
+        (["--diameter", "1 mm", "--platen", "210,0.3"], "has a unit been left out?"),
+        (["--diameter", "1 mm", "--modulus", "95"], "--modulus 95 Pa, expected 10 kPa to"),
+        (["--diameter", "1 mm", "--density", "2.65"], "--density 2.65 kg/m³, expected"),
+        (["--diameter", "1 mm", "--compliance", "0.05"], "compliance = 0.05 m/N, expected less"),
         (["--diameter", "1 mm", "--platen", "-210 GPa,0.3"], "--platen"),
         (["--diameter", "1 mm", "--compliance", "3 N"], "--compliance"),
         (["--diameter", "1 mm", "--compliance", "-3 um/N"], "--compliance"),
@@ -126,10 +131,12 @@ def test_unloading_is_left_out_and_said(tmp_path):
     assert "2 rows after the largest displacement" in data.notes[0]
 
 
-def test_a_run_of_its_mesh_tells_the_shape_of_a_grain(tmp_path):
-    """Forces of a run that are 1.3 times those of the ball, from the touch on."""
-    (tmp_path / "scene.toml").write_text(SMALLEST)
-    material = load_scene(tmp_path / "scene.toml").material
+def write_run(folder, factor, yield_stress=1e9):
+    """A run of a ball whose forces are those of the table times a function of the approach."""
+    folder.mkdir()
+    table = f"[[0.0, {yield_stress:g}], [0.05, {yield_stress + 1e9:g}]]"
+    (folder / "scene.toml").write_text(SMALLEST.replace("[[0.0, 10e6], [0.05, 110e6]]", table))
+    material = load_scene(folder / "scene.toml").material
     radius, height = 0.4e-3, 0.83e-3
     (strain, stress) = material.yield_table()
     slope = (stress[-1] - stress[0]) / strain[-1]
@@ -138,16 +145,57 @@ def test_a_run_of_its_mesh_tells_the_shape_of_a_grain(tmp_path):
     rows = {
         "step": np.arange(200),
         "height": height - 2 * radius * x,
-        "force_z_min": 1.3 * radius**2 * np.interp(x, delta, force),
+        "force_z_min": factor(x) * radius**2 * np.interp(x, delta, force) * (x > 0),
+        "elements_per_radius": 20 * np.sqrt(x),
     }
     rows["force_z_max"] = rows["force_z_min"]
     table = zip(*rows.values(), strict=True)
     lines = [",".join(rows), *(",".join(f"{v:.9g}" for v in row) for row in table)]
-    (tmp_path / "history.csv").write_text("\n".join(lines) + "\n")
+    (folder / "history.csv").write_text("\n".join(lines) + "\n")
     mass = material.rho * 4 / 3 * np.pi * radius**3
-    (tmp_path / "run.json").write_text(json.dumps({"num_grains": 1, "mass": mass}))
-    at, factor = shape_of_run(tmp_path)
-    # The touch is drawn from rows; the first tenth of the way has its error.
-    assert factor[at > 0.002] == pytest.approx(1.3, rel=0.02)
-    found = Setup(material.nu, shape=(at, factor)).course(material.E, stress[0], slope)[1]
-    assert found[-1] == pytest.approx(1.3 * force[-1], rel=0.02)
+    (folder / "run.json").write_text(json.dumps({"num_grains": 1, "mass": mass}))
+    return stress[0] / material.contact_modulus, slope / stress[0], material
+
+
+def test_runs_with_its_mesh_tell_the_shape_of_a_grain(tmp_path):
+    """ψ of each run at its material, between them a mean, from an edge per radius on."""
+
+    def soft(x):
+        return 1.3 * (1 + 0.1 * np.log10(0.01 / np.maximum(x, 1e-6)))
+
+    own = write_run(tmp_path / "soft", soft)
+    shape = shape_of_runs([tmp_path / "soft"])
+    assert shape.delta[0] == pytest.approx(0.0025, rel=0.05)  # (1/20)², to a row
+    # 200 rows of a smooth function, means of an eighth of a decade.
+    assert shape.ratio(shape.delta, *own[:2]) == pytest.approx(soft(shape.delta), rel=0.01)
+    assert shape.distance(*own[:2]) == 0.0 and not shape.error(shape.delta, *own[:2]).any()
+
+    other = write_run(tmp_path / "hard", lambda x: 1.1 + 0 * x, 2e9)
+    both = shape_of_runs([tmp_path / "soft", tmp_path / "hard"])
+    # Of two runs a factor of two apart 0.1² / 0.5 log²2 of the slope is given away.
+    assert both.ratio(0.02, *other[:2]) == pytest.approx(1.1, rel=0.01)
+    assert both.ratio(0.02, *own[:2]) == pytest.approx(soft(0.02), rel=0.01)
+    assert both.distance(own[0] * 4, own[1]) > 0.5
+
+
+def test_a_run_s_own_forces_give_its_material_back(tmp_path):
+    """With 1 % of noise, and a machine that is known; without that it is refused."""
+    _, _, material = write_run(tmp_path / "run", lambda x: 1.2 * (1 - 0.1 * np.log10(x + 1e-3)))
+    rows = np.genfromtxt(tmp_path / "run" / "history.csv", delimiter=",", names=True)[1:]
+    force = rows["force_z_min"] * (1 + 0.01 * np.random.default_rng(0).standard_normal(199))
+    text = "".join(
+        f"{0.83e-3 - h:.8g}, {f:.8g}\n" for h, f in zip(rows["height"], force, strict=True)
+    )
+    (tmp_path / "data.csv").write_text("displacement [m], force [N]\n" + text)
+    given = f"--diameter 0.8mm --nu {material.nu} --platen rigid".split()
+    given = [tmp_path / "data.csv", *given, "--run", tmp_path / "run", "-o", tmp_path / "out"]
+    status, lines = run_mufe("calibrate", *given)
+    assert status == 2 and "expected with --run the compliance that was measured" in lines[0]
+    run_mufe("calibrate", *given, "--compliance", "0 m/N", "--json", tmp_path / "found.json")
+    written = json.loads((tmp_path / "found.json").read_text())
+    found = {row["name"]: row for row in written["parameters"]}
+    for name, true in (
+        ("Young's modulus", material.E),
+        ("yield stress", material.yield_table()[1][0]),
+    ):
+        assert found[name]["low"] < true < found[name]["high"]
