@@ -51,7 +51,11 @@ INLINE void add_to(double *rows, int64_t n, vec3 a) {
 /* A row of three numbers, as four. */
 INLINE v4 row_of(const double *rows, int64_t n) {
   const double *r = rows + 3 * n;
+#if LANES == 8
+  return (v4)_mm256_maskz_loadu_pd(7, r);
+#else
   return (v4){r[0], r[1], r[2], 0.0};
+#endif
 }
 
 /* Four numbers of each lane, from ``address[i]`` + ``offset`` numbers on, as vectors, and back where

@@ -31,25 +31,14 @@ typedef struct {
   strength_type strength;
 } walls_type;
 
-/* Ask for what the pairs after the i-th of the list need; from i = -FAR_AHEAD on. */
-INLINE void fetch_ahead(const walls_type *m, int64_t i, int64_t num_due) {
-  const int32_t *list = m->scratch;
-  if (i + FAR_AHEAD < num_due) {
-    const char *row = (const char *)(m->row + list[i + FAR_AHEAD]);
+/* Ask for the rows of LANES pairs, from place i of the list on. Asking for their nodes too, or for
+   what flows, takes longer than it saves. */
+INLINE void fetch_rows(const walls_type *m, int64_t i, int64_t num_due) {
+  const int64_t end = num_due - i < LANES ? num_due : i + LANES;
+#pragma GCC unroll 8
+  for (; i < end; i++) {
+    const char *row = (const char *)(m->row + m->scratch[i]);
     for (size_t line = 0; line < sizeof(wall_pair_row); line += 64) FETCH(row + line);
-  }
-  if (m->strength.tables) {
-    const int64_t far = i + 3 * AHEAD, near = i + 2 * AHEAD;
-    if (far >= 0 && far < num_due && FLOWS(m->row + list[far])) FETCH(m->strength.row + list[far]);
-    if (near >= 0 && near < num_due && FLOWS(m->row + list[near]))
-      fetch_flow(&m->strength, list[near]);
-  }
-  if (i + AHEAD >= 0 && i + AHEAD < num_due) {
-    const wall_pair_row *s = m->row + list[i + AHEAD];
-    for (int k = 0; k < 3; k++) {
-      FETCH_ROW(m->x, s->corner[k]);
-      FETCH_ROW(m->f, s->corner[k]);
-    }
   }
 }
 
@@ -269,7 +258,7 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
   vec dissipated = all(0.0);
   const int64_t num_due = find_due(m->scratch, m->next_check, m->bounds, m->bound_row, num_pairs);
   for (int64_t i = -FAR_AHEAD; i < num_due; i += LANES) {
-    for (int k = 0; k < LANES; k++) fetch_ahead(m, i + k, num_due);
+    fetch_rows(m, i + FAR_AHEAD, num_due);
     if (i < 0) continue;
     const int count = num_due - i < LANES ? (int)(num_due - i) : LANES;
     int32_t pair[LANES];
