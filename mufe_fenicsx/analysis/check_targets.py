@@ -9,6 +9,7 @@ TARGETS = {
     "tool": quasi_static.UNBALANCED,
     "residual": 0.001,
     "switching": 0.01,
+    "opening": 0.05,
     "overlap": 0.01,
     "load": 0.5,
     "held": 0.05,
@@ -23,6 +24,7 @@ NAMES = {
     "tool": "unbalanced force",
     "residual": "energy residual",
     "switching": "facet switching",
+    "opening": "opened facets",
     "overlap": "overlap",
     "load": "lost load",
     "held": "held stresses",
@@ -59,6 +61,11 @@ WORDS = {
         "Energy gained or lost where contacts switch facets, over the work of the walls",
         "the facets of the mesh have no effect",
         "contacts slide over sharp edges or very uneven facets: mesh them finer or more evenly",
+    ),
+    "opening": (
+        "Energy that facets gave as they opened, over the work of the walls",
+        "cracks take the energy of the loading alone",
+        "cracks run on energy that nothing gave: mesh finer, or raise fracture.energy",
     ),
     "overlap": (
         "Volume where grains overlap each other or walls, over that of the grains",

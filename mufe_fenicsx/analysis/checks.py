@@ -16,6 +16,7 @@ from mufe_fenicsx.analysis.contact_resolution import COARSE
 from mufe_fenicsx.analysis.evidence.mesh_errors import error_at, known_samples, mesh_errors
 from mufe_fenicsx.analysis.held import lack_of_stress
 from mufe_fenicsx.analysis.rows import (
+    broken_from,
     counted_rows,
     course,
     largest,
@@ -93,8 +94,12 @@ def check_run(history, mass=None, contacts=None, sample=None):
         sample: Arguments of :func:`check_sample` after the history, or None.
 
     Returns:
-        List of Check: that of :func:`check_all` first, that of :func:`check_trust` next.
+        List of Check: that of :func:`check_all` first, that of :func:`check_trust` next. Where
+        grains broke and most of the load is lost, rows after the largest one are not judged.
     """
+    last = None if faults(history) else broken_from(history)
+    if last is not None:
+        history = {name: values[: last + 1] for name, values in history.items()}
     kinetic, difference = quasi_static.judged(history, mass)
     led = tool_load(history) is not None
     values = {
@@ -103,6 +108,9 @@ def check_run(history, mass=None, contacts=None, sample=None):
         "residual": energy_check.residual_ratio(history),
         "switching": energy_check.switching_ratio(history),
     }
+    opening = energy_check.opening_ratio(history)
+    if opening is not None:
+        values["opening"] = opening
     if "overlap" in history:
         values["overlap"] = np.asarray(history["overlap"], dtype=float)
     if not led:
@@ -121,7 +129,13 @@ def check_run(history, mass=None, contacts=None, sample=None):
         found.append(check_contacts(history, *contacts))
     if sample is not None and not led:
         found += check_sample(history, *sample)
-    return [_staged(history, check) for check in (check_all(history, found), *found)]
+    verdict = check_all(history, found)
+    if last is not None:
+        broke = (
+            f"Grains broke under the load of {where(history, last)}; what follows is not judged."
+        )
+        verdict = replace(verdict, text=f"{verdict.text} {broke}")
+    return [_staged(history, check) for check in (verdict, *found)]
 
 
 def _staged(history, check):

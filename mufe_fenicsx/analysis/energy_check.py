@@ -46,6 +46,19 @@ def switching_ratio(history):
     return _over_work(lost, history)
 
 
+def opening_ratio(history):
+    """What facets gave as they opened over the largest :func:`put_in` so far, shape (num_rows,).
+
+    That is what their springs began with and do not store any more, and what nodes that part add.
+    None of a run without cracks.
+    """
+    if "cracks_opening" not in history:
+        return None
+    springs = -np.asarray(history["cracks_opening"]) - history["cracks_stored"]
+    given = np.maximum(springs, 0.0) + np.maximum(-np.asarray(history["parting"]), 0.0)
+    return _over_work(given, history)
+
+
 def _over_work(values, history):
     work = np.maximum.accumulate(put_in(history)) if len(history["work"]) else np.empty(0)
     return np.divide(np.abs(values), work, out=np.full(work.shape, np.nan), where=work > 0)

@@ -119,10 +119,14 @@ def too_deep(mesh, contact):
     if found is None:
         return None
     depth, part, grain, other = found
+    one, two = mesh.name_of(grain), mesh.name_of(other)
+    remedy = "load more slowly, mesh the larger grain finer, or lower contact.compliance"
+    if grain == other:
+        one, two = f"a piece of {one}", "another one of it"
+        remedy = "load more slowly or mesh it finer: pieces of single elements are crushed"
     return (
-        f"{mesh.name_of(grain)} is {depth:.3g} m deep in {mesh.name_of(other)}, "
-        f"{part:.2g} edges of facets there, expected at most {DEEPEST:g}: contact no longer keeps "
-        "them apart; load more slowly, mesh the larger grain finer, or lower contact.compliance"
+        f"{one} is {depth:.3g} m deep in {two}, {part:.2g} edges of facets there, expected at most "
+        f"{DEEPEST:g}: contact no longer keeps them apart; {remedy}"
     )
 
 
