@@ -6,7 +6,6 @@ import mufe_fenicsx  # noqa: F401, before dolfinx: it loads MPI
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.explicit.simulation import Simulation
 from mufe_fenicsx.geometry.bodies.shapes import box
@@ -14,7 +13,7 @@ from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.verification.sliding_normal import ridge
 from mufe_fenicsx.verification.tets import feature_up, rotation
-from tests.bodies import RADIUS, sphere
+from tests.bodies import sphere
 
 QUARTZ = Elastic(100e9, 0.15, 2650.0)
 TURN = rotation([1.0, 2.0, -0.7], 1.1)
@@ -209,34 +208,3 @@ def test_fast_bodies_are_seen_before_they_touch(phase):
     assert force[2] > 0
     # The poles are nodes of no mesh: facets lie up to h²/8 below the sphere, on both.
     assert way > gap - 1e-12
-
-
-@pytest.mark.parametrize("outside", [1e-4, 1e-3, 4e-3])
-def test_a_smooth_point_rests_on_no_face_that_it_stands_beside(outside):
-    """A ball over an edge, one point of it below the top and just beyond the side.
-
-    The smooth surface there lies 0.0125 before the middle of its facet, and so within the block. It
-    lies flat on the top, and none of it can rest on the side.
-    """
-    points, cells = sphere(RADIUS, 0.4 * RADIUS)
-    ball = points / RADIUS + [0.5, 0.5, 2.1], cells
-    bodies = TwoBodies(box((1.0, 1.0, 1.0), (3, 3, 3)), ball, contact_at="facets")
-    contact, (x, second) = bodies.contact, (bodies.x, bodies.second)
-    pairs, own = contact.pairs, contact.points
-    in_facets = pairs.node < own.num_in_facets
-    recess = np.zeros(own.num_in_facets)
-    recess[pairs.node[in_facets]] = pairs.recess[in_facets]
-    lowest = recess.argmin()
-    assert recess[lowest] < -0.012
-    facet = contact.own.nodes[own.corner[lowest]]
-    a, b, c = x[facet]
-    down = np.cross(b - a, c - a)
-    turn = Rotation.align_vectors([TURN @ [0.0, 0.0, -1.0]], [down])[0]
-    x[second] = turn.apply(x[second])
-    there = x[facet].mean(axis=0) @ TURN
-    force = bodies.move(np.array([1.0 + outside, 0.45, 1.0 - 1e-3]) - there)
-    pairs = contact.pairs
-    bears = pairs.closed & (pairs.node == lowest)
-    assert ((pairs.facing[bears] @ TURN)[:, 2] > 0.99).all()
-    # Points of the top push it, along the slope of the smooth surface.
-    assert force[2] > 10.0 * np.abs(force[:2]).max()

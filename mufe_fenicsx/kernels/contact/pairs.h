@@ -8,7 +8,6 @@
 #include "surface.h"
 
 #define FACING 0.342 /* sine of the angle a node around may lie below such a plane: 20 degrees */
-#define SMOOTH 0.766 /* cosine of 40 degrees: both surfaces may turn by 20 at a smooth edge */
 #define BESIDE 1e-3  /* part of a facet by which the foot of a node may lie beside it */
 
 /* In the order of kernels/contact/pairs.py. */

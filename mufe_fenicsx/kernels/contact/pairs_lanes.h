@@ -89,9 +89,8 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   const mask far = head[0] - bound >= size_each(height);
   const mask corners =
       below_each(pa, point, n) | below_each(pb, point, n) | below_each(pc, point, n) | is_node;
-  const vec inside_from = BESIDE * root_each(area);
   const mask turned_away =
-      FLAG(word, pair_row, sharp) & ((height < inside_from) | (g < inside_from)) & corners;
+      FLAG(word, pair_row, sharp) & (height < BESIDE * root_each(area)) & corners;
   const mask by_motion = ~is_node | (size_each(g - gap) <= bound - next_check);
   const mask stays =
       FLAG(word, pair_row, closed) & by_motion & (depth > 0.0) & (depth <= spring.largest_depth);

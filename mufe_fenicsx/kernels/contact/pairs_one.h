@@ -38,27 +38,19 @@ INLINE int faces(const pairs_type *m, const pair_row *s, vec3 p, vec3 normal) {
   return 1;
 }
 
-/* Whether the facet of a point outside can touch a plane there, being part of a smooth surface. */
-INLINE int can_lie(const pairs_type *m, const pair_row *s, vec3 normal) {
-  return dot(normal_of(corners_at(m->x, s->corner)), normal) < -SMOOTH;
-}
-
-/* The nearest facet that the point of the pair p is straight behind, no deeper than ``limit``, and
-   that its body faces; -1 if none. Of points ``outside`` smooth surfaces before facets count. */
-static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double limit, int outside,
-                           double *gap, vec3 *weights, vec3 *normal) {
+/* The nearest facet that the node of the pair p is straight behind, no deeper than ``limit``, and
+   that its body faces; -1 if none. */
+static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double limit, double *gap,
+                           vec3 *weights, vec3 *normal) {
   int64_t best = -1;
-  const pair_row *s = m->row + p;
-  const double before = outside ? most(-s->recess, 0.0) : 0.0;
   *gap = -limit;
   for (int64_t k = m->first[p]; k < m->first[p + 1]; k++) {
     triangle t = facet_at(&m->surface, m->x, m->candidate[k]);
     vec3 u = normal_of(t);
     double g = dot(minus(point, t.a), u);
-    if (!(*gap < g && g < before)) continue;
+    if (!(*gap < g && g < 0.0)) continue;
     vec3 w = project(point, t);
-    if (least(w.x, least(w.y, w.z)) >= -BESIDE &&
-        (outside ? can_lie(m, s, u) : faces(m, s, point, u)))
+    if (least(w.x, least(w.y, w.z)) >= -BESIDE && faces(m, m->row + p, point, u))
       best = k, *gap = g, *weights = w, *normal = u;
   }
   return best;
@@ -99,28 +91,22 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     normal = distance > tiny(s) ? times(1.0 / g, r) : times(1.0 / length(normal), normal);
   double height = g;
   int beside = 0;
-  /* Between smooth surfaces, not facets. */
-  vec3 slope;
-  double smooth = g + s->recess - bulge_at(s, w, t, facet_normal, feature, &slope);
-  const double from = BESIDE * sqrt(s->area);
-  const int outside = g >= from && smooth < from && !s->num_around;
-  if (s->sharp && (outside ? !can_lie(m, s, normal) : g < from && !faces(m, s, point, normal))) {
+  if (s->sharp && g < BESIDE * sqrt(s->area) && !faces(m, s, point, normal)) {
     double other_gap, limit = 3.0 * largest_depth_of(m, s, k);
     vec3 other_weights, other_normal;
-    int64_t other =
-        find_facing(m, p, point, limit, outside, &other_gap, &other_weights, &other_normal);
+    int64_t other = find_facing(m, p, point, limit, &other_gap, &other_weights, &other_normal);
     /* A node just outside, within BESIDE, counts where it came through that facet. */
     if (other >= 0 && (g < 0.0 || s->closed || -other_gap <= bound - m->next_check[p] + tiny(s))) {
       beside = 1, k = other, g = height = other_gap, w = other_weights, normal = other_normal;
       t = facet_at(&m->surface, x, m->candidate[k]);
       facet_normal = normal;
       know(m, p, k);
-      smooth = g + s->recess - bulge_at(s, w, t, facet_normal, INTERIOR, &slope);
-    } else if (outside) { /* it touches nothing here */
-      smooth = most(smooth, s->offset);
     }
   }
-  g = smooth;
+  /* Between smooth surfaces, not facets. */
+  vec3 slope;
+  const double bulge = bulge_at(s, w, t, facet_normal, !beside ? feature : INTERIOR, &slope);
+  g += s->recess - bulge;
   if (m->strength.tables && !s->closed && g < s->offset) {
     const double more = kept_dent(&m->strength, p) - m->strength.row[p].dent;
     if (more > 0.0) m->strength.row[p].dent += more, s->recess += more, g += more;
