@@ -98,6 +98,7 @@ def compare(
         printer.say("")
     printer.say(f"the run counts from its grains as {result['run_counts_from']}")
     printer.say(*result["notices"], *(f"warning: {line}" for line in result["warnings"]))
+    printer.say(f"stages that follow the scans: {result['stages']}")
     printer.say(f"report: {result['report']}")
     printer.write_json(result)
 

@@ -1,5 +1,6 @@
 """From labels of scans, and tracks by others, to a folder with a run beside them."""
 
+import json
 import time
 from pathlib import Path
 
@@ -12,12 +13,13 @@ from ..geometry.tracking.track import track_bodies
 from ..machine.files import new_folder
 from ..report.scans import write_scans
 from ..results import Run
-from ..results.scans import beside, start_of
+from ..results.sample_ends import places_by_scans
+from ..results.scans import beside, stage_ends, start_of
 from .tracks import read_track
 
-#: Table of all grains, by which a folder of a comparison is known; and the mean strains of the
-#: sample, which stages can follow.
-TABLE, MOTION = "compare.csv", "motion.csv"
+#: Table of all grains, by which a folder of a comparison is known; places of walls by the scans;
+#: and stages that follow these.
+TABLE, MOTION, STAGES = "compare.csv", "motion.csv", "stages.toml"
 #: Part by which diameters of run and labels may differ: twice what a mesh may have too little or
 #: too much of a grain's volume, and what labels are off by where they were segmented anew.
 LARGEST_DIFFERENCE = 0.03
@@ -29,9 +31,10 @@ def compare_scans(
 ):  # fmt: skip
     """Hold a run against scans of its sample, grain by grain.
 
-    Writes ``compare.csv`` (a row a grain and scan), ``motion.csv`` (the mean strains of the sample
-    along the axes of the container, a row a scan, as `follow` of a stage takes them),
-    ``report.html`` and ``figures``.
+    Writes ``compare.csv`` (a row a grain and scan), ``motion.csv`` (places of the run's walls by
+    the scans, a row a scan, see `results.sample_ends`), ``stages.toml`` (a stage a scan that
+    follows it, by the name of the scan), ``report.html`` and ``figures``. A scan stands beside the
+    end of the stage of its name, where the run has one.
 
     Args:
         run: Folder that ``mufe run`` wrote.
@@ -60,7 +63,8 @@ def compare_scans(
     begin = start_of(run, images[0], size, labels[0])
     warnings = about_grains(begin, run, labels[0], size)
     names = [p.name for p in (labels[1:] or tracks)]
-    found, before = [], None
+    states = [None] * num if strains else [stage_ends(run).get(n) for n in stage_names(names)]
+    found, followed, before = [], [], None
     with new_folder(output, overwrite=overwrite, marker=TABLE) as folder:
         for k in range(num):
             later = images[k + 1] if len(images) > 1 else None
@@ -75,19 +79,25 @@ def compare_scans(
                 before = track
             strain = strains[k] if strains else None
             pair = (images[0], later)
-            found.append(beside(run, track, begin, size, strain=strain, labels=pair, align=align))
+            found.append(
+                beside(run, track, begin, size, strain=strain, state=states[k], labels=pair,
+                       align=align)
+            )  # fmt: skip
+            followed.append(track)
             warnings += beyond(found[-1].numbers, names[k], images[0].shape[0])
         _write_table(folder / TABLE, names, found)
-        _write_motion(folder / MOTION, run.container, found)
+        _write_motion(folder / MOTION, places_by_scans(run, begin, followed))
+        _write_stages(folder / STAGES, Path(output).resolve() / MOTION, names)
         shown = zip(names, found, images[1:] or [None] * num, strict=True)
         about = [
-            *_about(labels[0], tracks, strains, begin, align),
+            *_about(labels[0], tracks, strains, begin, align, states),
             *(f"Warning: {w}." for w in warnings),
         ]
         write_scans(folder, run, list(shown), size, about)
     return {
         "output": str(output),
         "table": str(Path(output) / TABLE),
+        "stages": str(Path(output) / STAGES),
         "report": str(Path(output) / "report.html"),
         "voxel_size": size,
         "run_counts_from": "seated" if begin.seated else "meshed",
@@ -158,16 +168,31 @@ def _write_table(path, names, found):
     table[["scan", *(c for c in table if c != "scan")]].to_csv(path, index=False)
 
 
-def _write_motion(path, container, found):
-    """Strains of the sample at each scan; the number of the scan stands for the time."""
-    strains = np.array([[f.numbers[f"sample_strain_{a}"] for a in "xyz"] for f in found])
-    known = {"x": strains[:, 0], "y": strains[:, 1], "z": strains[:, 2]}
-    known["r"] = strains[:, :2].mean(axis=1)
-    columns = {axis: known[axis] for axis in container.axes if axis in known}
-    rows = np.column_stack([np.arange(len(found)) + 1, *columns.values()])
-    rows = np.vstack([np.zeros(rows.shape[1]), rows])
-    head = ", ".join(["time [s]", *(f"strain_{a}" for a in columns)])
+def _write_motion(path, places):
+    """Places of walls at each scan, whose number stands for the time."""
+    rows = [[k, *found.values()] for k, found in enumerate(places, start=1)]
+    head = ", ".join(["time [s]", *(f"{wall} [m]" for wall in places[0])])
     np.savetxt(path, rows, fmt="%.9g", delimiter=", ", header=head, comments="")
+
+
+def stage_names(names):
+    """Names of stages for scans: those of their files without ending, with numbers if alike."""
+    stems = [Path(name).stem for name in names]
+    return [s if stems.count(s) == 1 else f"{s} {k}" for k, s in enumerate(stems, start=2)]
+
+
+def _quoted(text):
+    """A text as TOML has it."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _write_stages(path, motion, names):
+    """A stage a scan in which walls go on to where it shows them."""
+    text = ["# After the stage that seats the sample: walls go as its ends in the scans.\n"]
+    for row, name in enumerate(stage_names(names), start=2):
+        keys = f"name = {_quoted(name)}\nfollow = {_quoted(str(motion))}\nrow = {row}\n"
+        text.append(f"\n[[stage]]\n{keys}")
+    path.write_text("".join(text), encoding="utf-8")
 
 
 def about_grains(begin, run, first, size):
@@ -203,7 +228,7 @@ def beyond(numbers, name, height):
     ]
 
 
-def _about(first, tracks, strains, begin, align):
+def _about(first, tracks, strains, begin, align, states):
     """How the comparison came about, in sentences."""
     how = "read from tables of others" if tracks else "tracked by assignment and rigid registration"
     said = [f"Grains of {first.name} were {how} in later scans."]
@@ -211,6 +236,8 @@ def _about(first, tracks, strains, begin, align):
         "The strains of the run were given."
         if strains
         else "Each scan stands beside the run where the same grains are pressed as much along z."
+        if None in states
+        else "Each scan stands beside the end of the run's stage of its name."
     )
     said.append(
         "Displacements count from the first scan, and in the run from "
