@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,11 @@ from ..geometry.image.label_files import read_labels
 from ..geometry.tracking.bodies import ROUND, bodies_of
 from ..geometry.tracking.track import track_bodies
 from ..machine.files import new_folder
+from ..report.scan_surfaces import grains_shown, stage_of, view_of, write_surfaces
 from ..report.scans import write_scans
 from ..results import Run
 from ..results.sample_ends import places_by_scans
-from ..results.scans import beside, stage_ends, start_of
+from ..results.scans import beside, stage_ends, start_moment, start_of
 from .tracks import read_track
 
 #: Table of all grains, by which a folder of a comparison is known; places of walls by the scans;
@@ -25,9 +27,18 @@ TABLE, MOTION, STAGES = "compare.csv", "motion.csv", "stages.toml"
 LARGEST_DIFFERENCE = 0.03
 
 
+@dataclass(frozen=True)
+class How:
+    """How a run is held against scans."""
+
+    strains: tuple = ()  #: of the run's states at each later scan; none: see `compare_scans`
+    align: bool = False  #: see `results.scans.beside`
+    grains: tuple = ()  #: whose surfaces are shown; none: the few that differ most at the end
+
+
 def compare_scans(
-    run, labels, output, *, tracks=(), strains=(), voxel_size=None, key=None, align=False,
-    progress=None, overwrite=False,
+    run, labels, output, *, tracks=(), how=How(), voxel_size=None, key=None, progress=None,
+    overwrite=False,
 ):  # fmt: skip
     """Hold a run against scans of its sample, grain by grain.
 
@@ -42,9 +53,8 @@ def compare_scans(
             or others of the same sample in the same place, as meshed or as seated. Then those of
             later scans; where others tracked these, they may be left out.
         tracks: Tables of `peers.tracks.read_track`, one for each later scan; none: tracked here.
-        strains: Of the run's states at each later scan; none: see `results.scans.beside`.
+        how: :class:`How`.
         voxel_size, key: See `label_files.read_labels`.
-        align: See `results.scans.beside`.
         progress: Called with numbers of grains done and of all, and a text.
         overwrite: Replace a folder that was written by this before.
 
@@ -55,7 +65,7 @@ def compare_scans(
         InputError: Scans, tracks and run do not belong together, or the output cannot be written.
     """
     start = time.perf_counter()
-    run = Run(run)
+    run, strains = Run(run), how.strains
     labels, tracks, notices = [Path(p) for p in labels], [Path(p) for p in tracks], []
     num = _num_scans(labels, tracks, strains)
     images, size = _read_scans(labels, voxel_size, key, notices)
@@ -81,19 +91,18 @@ def compare_scans(
             pair = (images[0], later)
             found.append(
                 beside(run, track, begin, size, strain=strain, state=states[k], labels=pair,
-                       align=align)
+                       align=how.align)
             )  # fmt: skip
             followed.append(track)
             warnings += beyond(found[-1].numbers, names[k], images[0].shape[0])
         _write_table(folder / TABLE, names, found)
         _write_motion(folder / MOTION, places_by_scans(run, begin, followed))
         _write_stages(folder / STAGES, Path(output).resolve() / MOTION, names)
-        shown = zip(names, found, images[1:] or [None] * num, strict=True)
-        about = [
-            *_about(labels[0], tracks, strains, begin, align, states),
-            *(f"Warning: {w}." for w in warnings),
-        ]
-        write_scans(folder, run, list(shown), size, about)
+        about = _about(labels[0], tracks, begin, how, states) + [f"Warning: {w}." for w in warnings]
+        view = _write_surfaces(folder, run, begin, images, list(zip(names, found, strict=True)),
+                               size, how)  # fmt: skip
+        shown = list(zip(names, found, images[1:] or [None] * num, strict=True))
+        write_scans(folder, run, shown, size, about, view)
     return {
         "output": str(output),
         "table": str(Path(output) / TABLE),
@@ -175,6 +184,25 @@ def _write_motion(path, places):
     np.savetxt(path, rows, fmt="%.9g", delimiter=", ", header=head, comments="")
 
 
+def _write_surfaces(folder, run, begin, images, scans, size, how):
+    """Surfaces of a few grains at all scans for ParaView, and as a view; None without labels."""
+    table = scans[-1][1].table
+    shown = grains_shown(table, how.grains)
+    if len(images) == 1:
+        return None
+    first = {g: begin.grains[g] for g in shown}
+    stages = [stage_of("first scan", start_moment(run, begin.seated), images[0], first, size)]
+    for (name, found), image in zip(scans, images[1:], strict=True):
+        now = dict(
+            zip(found.table["grain"].tolist(), found.table["label_now"].tolist(), strict=True)
+        )
+        label_of = {g: now[g] for g in shown if g in now}
+        shift = [found.numbers[f"common_shift_{a}"] if how.align else 0.0 for a in "xyz"]
+        stages.append(stage_of(name, found.moment, image, label_of, size, shift))
+    write_surfaces(folder, stages)
+    return view_of(stages, run.container)
+
+
 def stage_names(names):
     """Names of stages for scans: those of their files without ending, with numbers if alike."""
     stems = [Path(name).stem for name in names]
@@ -228,13 +256,13 @@ def beyond(numbers, name, height):
     ]
 
 
-def _about(first, tracks, strains, begin, align, states):
+def _about(first, tracks, begin, how, states):
     """How the comparison came about, in sentences."""
-    how = "read from tables of others" if tracks else "tracked by assignment and rigid registration"
-    said = [f"Grains of {first.name} were {how} in later scans."]
+    way = "read from tables of others" if tracks else "tracked by assignment and rigid registration"
+    said = [f"Grains of {first.name} were {way} in later scans."]
     said.append(
         "The strains of the run were given."
-        if strains
+        if how.strains
         else "Each scan stands beside the run where the same grains are pressed as much along z."
         if None in states
         else "Each scan stands beside the end of the run's stage of its name."
@@ -249,6 +277,6 @@ def _about(first, tracks, strains, begin, align, states):
         f"Nothing tells how round grains turn, whose principal moments are within {ROUND:.0%}: "
         "their rotation is empty in the table and in no mean."
     )
-    if align:
+    if how.align:
         said.append("The motion that all grains share beyond that of the run was taken out.")
     return said

@@ -74,7 +74,7 @@ def write_paraview(run):
         name = f"contacts_{index:04d}.vtp"
         _save(lines, folder / name, "active_contacts")
         listed.append({"name": name, "time": float(state["time"])})
-    _write_series(folder / SERIES, listed)
+    write_series(folder / SERIES, listed)
     try:
         num_grains = _write_grains(run, folder)
     except InputError as error:
@@ -160,11 +160,11 @@ def _write_grains(run, folder):
         name = f"grains_{index:04d}.vtp"
         _save(grain_points(first, now), folder / name, "localisation")
         listed.append({"name": name, "time": float(state["time"])})
-    _write_series(folder / GRAINS, listed)
+    write_series(folder / GRAINS, listed)
     return len(listed)
 
 
-def _write_series(path, listed):
+def write_series(path, listed):
     """List files with their times, as ParaView reads them."""
     series = {"file-series-version": "1.0", "files": listed}
     write_atomically(path, json.dumps(series, indent=1) + "\n")
@@ -179,8 +179,17 @@ def _save(lines, path, method):
     ]
     if about:
         lines.field_data["about"] = about
+    save_polydata(lines, path)
+
+
+def save_polydata(data, path):
+    """Write a pyvista.PolyData as a .vtp file, all of it or nothing.
+
+    Raises:
+        InputError: It cannot be written.
+    """
     writer = vtkXMLPolyDataWriter()
-    writer.SetInputData(lines)
+    writer.SetInputData(data)
     try:
         with replacing(path) as part:
             writer.SetFileName(str(part))
