@@ -216,7 +216,10 @@ def _quoted(text):
 
 def _write_stages(path, motion, names):
     """A stage a scan in which walls go on to where it shows them."""
-    text = ["# After the stage that seats the sample: walls go as its ends in the scans.\n"]
+    text = [
+        "# After the stage that seats the sample: walls go as its ends in the scans.\n"
+        f"# With [output] fields = {len(names) + 1} or more a state is stored at each of them.\n"
+    ]
     for row, name in enumerate(stage_names(names), start=2):
         keys = f"name = {_quoted(name)}\nfollow = {_quoted(str(motion))}\nrow = {row}\n"
         text.append(f"\n[[stage]]\n{keys}")
@@ -263,9 +266,10 @@ def _about(first, tracks, begin, how, states):
     said.append(
         "The strains of the run were given."
         if how.strains
+        else "Each scan stands beside the end of the run's stage of its name, or else where the same "
+        "grains are pressed as much along z."
+        if any(state is not None for state in states)
         else "Each scan stands beside the run where the same grains are pressed as much along z."
-        if None in states
-        else "Each scan stands beside the end of the run's stage of its name."
     )
     said.append(
         "Displacements count from the first scan, and in the run from "

@@ -10,8 +10,13 @@ E* = E/(1 - ν²)
 
 Other ways are less exact. Ends of labels are known to a voxel. A linear field of displacements,
 taken to the walls, counts the middle of the sample more than its ends, where grains turn to lie
-along the walls: in a triaxial test on 40 grains, 112 voxels high, strains are off by 0.003 here,
-by 0.006 with ends of labels and by 0.019 with the field, at 0.08.
+along the walls. In a triaxial test on 40 grains, four high, walls' strains along three axes at
+axial ones of 0.04 and 0.08 are off by (root mean square)
+
+    voxels a grain      26      17      10
+    here             0.003   0.003   0.005
+    ends of labels   0.006   0.010   0.010
+    linear field     0.011   0.011   0.011
 """
 
 import numpy as np
