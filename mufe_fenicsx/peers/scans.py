@@ -266,8 +266,8 @@ def _about(first, tracks, begin, how, states):
     said.append(
         "The strains of the run were given."
         if how.strains
-        else "Each scan stands beside the end of the run's stage of its name, or else where the same "
-        "grains are pressed as much along z."
+        else "Each scan stands beside the end of the run's stage of its name; without one, where the "
+        "same grains are pressed as much along z."
         if any(state is not None for state in states)
         else "Each scan stands beside the run where the same grains are pressed as much along z."
     )
