@@ -263,14 +263,15 @@ def _about(first, tracks, begin, how, states):
     """How the comparison came about, in sentences."""
     way = "read from tables of others" if tracks else "tracked by assignment and rigid registration"
     said = [f"Grains of {first.name} were {way} in later scans."]
-    said.append(
-        "The strains of the run were given."
-        if how.strains
-        else "Each scan stands beside the end of the run's stage of its name; without one, where the "
-        "same grains are pressed as much along z."
-        if any(state is not None for state in states)
-        else "Each scan stands beside the run where the same grains are pressed as much along z."
-    )
+    where = "where the same grains are pressed as much along z"
+    if how.strains:
+        said.append("The strains of the run were given.")
+    elif None not in states:
+        said.append("Each scan stands beside the end of the run's stage of its name.")
+    elif any(state is not None for state in states):
+        said.append(f"Scans stand beside ends of stages of their names, or {where}.")
+    else:
+        said.append(f"Each scan stands beside the run {where}.")
     said.append(
         "Displacements count from the first scan, and in the run from "
         + ("the first stored state" if begin.seated else "the grains as meshed")
