@@ -82,7 +82,9 @@ def sample(folder, given):
         return
 
     def call(*words):
-        subprocess.run([sys.executable, "-m", "mufe_fenicsx", *map(str, words)], check=True)
+        done = subprocess.run([sys.executable, "-m", "mufe_fenicsx", *map(str, words)])
+        if done.returncode:  # it has said why, in a line
+            sys.exit(done.returncode)
 
     call("pack", "--spheres", "--count", given.count, "--d50", "1 mm", "--uniformity", 1.1,
          "--friction", given.packing_friction, "--void-ratio", given.void_ratio,

@@ -26,6 +26,7 @@ _SCRIPT = "a case reads from top to bottom as a script"
 #: What is larger, "file:name", and why.
 EXCEPTIONS = {
     "cli/calibrate.py:calibrate": "options of a command stand in its signature, with their help",
+    "cli/compare.py:compare": "options of a command stand in its signature, with their help",
     "cli/main.py:run": "options of a command stand in its signature, with their help",
     "cli/sweep.py:sweep": "options of a command stand in its signature, with their help",
     "verification/bar_impact.py:bar_impact": _SCRIPT,

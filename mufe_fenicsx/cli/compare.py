@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 from typer.core import TyperCommand
 
+from ..errors import InputError
 from .app import Json, Overwrite, app, serial_only
 from .arguments import ratio, voxel_edges
 from .terminal import Printer, progress_bar
@@ -65,6 +66,12 @@ def compare(
     align: Annotated[
         bool, typer.Option("--align", help="Take out the motion that all grains share.")
     ] = False,
+    grains: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N,N…", help="Whose surfaces are shown; default: the six that differ most."
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="DIR", help="Folder; default: RUN-scans."),
@@ -81,23 +88,24 @@ def compare(
     """Track grains through scans and hold a run against them: motions, strains, contacts."""
     serial_only("compare")
     printer = Printer(json)
-    strains = _strains(strain)
+    strains, shown = _strains(strain), _numbers(grains)
     size = voxel_edges(voxel_size)
     output = Path(f"{run.resolve().name}-scans") if output is None else output
     with progress_bar("tracking") as progress:
-        from ..peers.scans import compare_scans
+        from ..peers.scans import How, compare_scans
 
         result = compare_scans(
-            run, labels, output, tracks=tracks or (), strains=strains, voxel_size=size, key=key,
-            align=align, progress=progress, overwrite=overwrite,
+            run, labels, output, tracks=tracks or (), how=How(strains, align, shown),
+            voxel_size=size, key=key, progress=progress, overwrite=overwrite,
         )  # fmt: skip
     for scan in result["scans"]:
         printer.say(f"{scan['scan']}:")
-        shown = {name: scan[name] for name in SHOWN if name in scan}
-        printer.summary({name: value for name, value in shown.items() if not isnan(value)})
+        told = {name: scan[name] for name in SHOWN if name in scan}
+        printer.summary({name: value for name, value in told.items() if not isnan(value)})
         printer.say("")
     printer.say(f"the run counts from its grains as {result['run_counts_from']}")
     printer.say(*result["notices"], *(f"warning: {line}" for line in result["warnings"]))
+    printer.say(f"stages that follow the scans: {result['stages']}")
     printer.say(f"report: {result['report']}")
     printer.write_json(result)
 
@@ -106,3 +114,12 @@ def _strains(text):
     """Numbers of a text with commas; () where there is none."""
     parts = [] if text is None else text.split(",")
     return tuple(ratio("--strain", part.strip()) for part in parts)
+
+
+def _numbers(text):
+    """Numbers of grains of a text with commas; () where there is none."""
+    parts = [] if text is None else [part.strip() for part in text.split(",")]
+    for part in parts:
+        if not (part.isascii() and part.isdigit()):
+            raise InputError(f'--grains = "{text}", expected numbers of grains, such as 3,12')
+    return tuple(int(part) for part in parts)

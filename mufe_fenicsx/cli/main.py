@@ -27,7 +27,7 @@ from . import watch as _watch  # noqa: F401
 from .app import Json, Overwrite, SceneChanges, app, serial_only, world
 from .arguments import known_names, parameters, place, stated_texts
 from .exit_status import FAILED, INTERRUPTED, run_to_exit
-from .summary_words import breakage_line
+from .summary_words import breakage_line, printed
 from .terminal import Printer, number
 
 #: Variable by which a shell asks for completions (`mufe --install-completion`).
@@ -113,7 +113,7 @@ def run(
     measured = result.get("profile")
     fine, cracks = result.get("contact_resolution"), breakage_line(result)
     printer.summary(
-        {name: value for name, value in result.items() if name != "profile"}
+        printed(result)
         | {"elements_per_radius": fine and fine["half"]}
         | ({"cracks": cracks} if cracks else {})
         | {"all_hold_from": _place(result["holds_from"]["all"])}

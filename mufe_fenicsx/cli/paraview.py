@@ -14,7 +14,7 @@ def paraview(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `mufe run` wrote.")],
     json: Json = None,
 ):
-    """Write contacts as lines, strains of grains and a script for ParaView into a run folder."""
+    """Write contacts, strains of grains, fragments and a script for ParaView into a run folder."""
     serial_only("paraview")
     printer = Printer(json)
     from ..report.paraview import write_paraview

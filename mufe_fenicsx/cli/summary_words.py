@@ -174,3 +174,14 @@ def described(key):
     for ending, own in ENDINGS.items():
         words = words.removesuffix(ending) if own == unit else words
     return words.replace("_", " "), unit
+
+
+def printed(result):
+    """Of what a run returns the part that the terminal shows: without numbers that are not known.
+
+    A sample too narrow for a void ratio away from walls has 0 for it.
+    """
+    left_out = {"profile"}
+    if not result.get("void_ratio_inside"):
+        left_out |= {"void_ratio_inside", "void_ratio_error"}
+    return {name: value for name, value in result.items() if name not in left_out}

@@ -20,7 +20,7 @@ import math
 import re
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +129,20 @@ class Measured:
     def curve(self, name: str):
         """A column over the part of the whole time, from 0 to 1: a scipy PchipInterpolator."""
         return curve_through(self.part, self.columns[name])
+
+    def step_to(self, row: int) -> "Measured":
+        """The curves between a row, counted from 1, and the one before it.
+
+        Raises:
+            InputError: There is no such row.
+        """
+        if not 2 <= row <= len(self.time):
+            raise InputError(
+                f"row = {row} of {self.path}, expected 2 to {len(self.time)}, its number of rows"
+            )
+        both = slice(row - 2, row)
+        columns = {name: values[both] for name, values in self.columns.items()}
+        return replace(self, time=self.time[both], columns=columns)
 
     @property
     def part(self) -> np.ndarray:

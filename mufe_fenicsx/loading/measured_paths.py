@@ -1,6 +1,6 @@
 """Walls that follow measured motions: from columns of a file to lengths along the axes.
 
-Of an axis a file has one of these, and only changes since its first row count:
+Of an axis a file has one of these, and only changes since the first row of the stage count:
 
     strain_z        shortening over the length at strain 0
     displacement_z  shortening [m]
@@ -68,8 +68,17 @@ def read_motions(stages, container) -> dict[int, Measured]:
         if stage.follow not in files:
             files[stage.follow] = read_measured(stage.follow, columns_of(container))
         _check(files[stage.follow], stage, container)
-        found[number] = files[stage.follow]
+        whole = files[stage.follow]
+        found[number] = whole if stage.row is None else _step_of(stage, whole)
     return found
+
+
+def _step_of(stage, measured):
+    """The part of a file up to the row that a stage names."""
+    try:
+        return measured.step_to(stage.row)
+    except InputError as error:
+        raise InputError(f'stage "{stage.name}": {error}') from None
 
 
 def _check(measured, stage, container):

@@ -1,6 +1,8 @@
 """From labels of scans, and tracks by others, to a folder with a run beside them."""
 
+import json
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,28 +12,40 @@ from ..geometry.image.label_files import read_labels
 from ..geometry.tracking.bodies import ROUND, bodies_of
 from ..geometry.tracking.track import track_bodies
 from ..machine.files import new_folder
+from ..report.scan_surfaces import grains_shown, stage_of, view_of, write_surfaces
 from ..report.scans import write_scans
 from ..results import Run
-from ..results.scans import beside, start_of
+from ..results.sample_ends import places_by_scans
+from ..results.scans import beside, stage_ends, start_moment, start_of
 from .tracks import read_track
 
-#: Table of all grains, by which a folder of a comparison is known; and the mean strains of the
-#: sample, which stages can follow.
-TABLE, MOTION = "compare.csv", "motion.csv"
+#: Table of all grains, by which a folder of a comparison is known; places of walls by the scans;
+#: and stages that follow these.
+TABLE, MOTION, STAGES = "compare.csv", "motion.csv", "stages.toml"
 #: Part by which diameters of run and labels may differ: twice what a mesh may have too little or
 #: too much of a grain's volume, and what labels are off by where they were segmented anew.
 LARGEST_DIFFERENCE = 0.03
 
 
+@dataclass(frozen=True)
+class How:
+    """How a run is held against scans."""
+
+    strains: tuple = ()  #: of the run's states at each later scan; none: see `compare_scans`
+    align: bool = False  #: see `results.scans.beside`
+    grains: tuple = ()  #: whose surfaces are shown; none: the few that differ most at the end
+
+
 def compare_scans(
-    run, labels, output, *, tracks=(), strains=(), voxel_size=None, key=None, align=False,
-    progress=None, overwrite=False,
+    run, labels, output, *, tracks=(), how=How(), voxel_size=None, key=None, progress=None,
+    overwrite=False,
 ):  # fmt: skip
     """Hold a run against scans of its sample, grain by grain.
 
-    Writes ``compare.csv`` (a row a grain and scan), ``motion.csv`` (the mean strains of the sample
-    along the axes of the container, a row a scan, as `follow` of a stage takes them),
-    ``report.html`` and ``figures``.
+    Writes ``compare.csv`` (a row a grain and scan), ``motion.csv`` (places of the run's walls by
+    the scans, a row a scan, see `results.sample_ends`), ``stages.toml`` (a stage a scan that
+    follows it, by the name of the scan), ``report.html`` and ``figures``. A scan stands beside the
+    end of the stage of its name, where the run has one.
 
     Args:
         run: Folder that ``mufe run`` wrote.
@@ -39,9 +53,8 @@ def compare_scans(
             or others of the same sample in the same place, as meshed or as seated. Then those of
             later scans; where others tracked these, they may be left out.
         tracks: Tables of `peers.tracks.read_track`, one for each later scan; none: tracked here.
-        strains: Of the run's states at each later scan; none: see `results.scans.beside`.
+        how: :class:`How`.
         voxel_size, key: See `label_files.read_labels`.
-        align: See `results.scans.beside`.
         progress: Called with numbers of grains done and of all, and a text.
         overwrite: Replace a folder that was written by this before.
 
@@ -52,7 +65,7 @@ def compare_scans(
         InputError: Scans, tracks and run do not belong together, or the output cannot be written.
     """
     start = time.perf_counter()
-    run = Run(run)
+    run, strains = Run(run), how.strains
     labels, tracks, notices = [Path(p) for p in labels], [Path(p) for p in tracks], []
     num = _num_scans(labels, tracks, strains)
     images, size = _read_scans(labels, voxel_size, key, notices)
@@ -60,7 +73,8 @@ def compare_scans(
     begin = start_of(run, images[0], size, labels[0])
     warnings = about_grains(begin, run, labels[0], size)
     names = [p.name for p in (labels[1:] or tracks)]
-    found, before = [], None
+    states = [None] * num if strains else [stage_ends(run).get(n) for n in stage_names(names)]
+    found, followed, before = [], [], None
     with new_folder(output, overwrite=overwrite, marker=TABLE) as folder:
         for k in range(num):
             later = images[k + 1] if len(images) > 1 else None
@@ -75,19 +89,24 @@ def compare_scans(
                 before = track
             strain = strains[k] if strains else None
             pair = (images[0], later)
-            found.append(beside(run, track, begin, size, strain=strain, labels=pair, align=align))
+            found.append(
+                beside(run, track, begin, size, strain=strain, state=states[k], labels=pair,
+                       align=how.align)
+            )  # fmt: skip
+            followed.append(track)
             warnings += beyond(found[-1].numbers, names[k], images[0].shape[0])
         _write_table(folder / TABLE, names, found)
-        _write_motion(folder / MOTION, run.container, found)
-        shown = zip(names, found, images[1:] or [None] * num, strict=True)
-        about = [
-            *_about(labels[0], tracks, strains, begin, align),
-            *(f"Warning: {w}." for w in warnings),
-        ]
-        write_scans(folder, run, list(shown), size, about)
+        _write_motion(folder / MOTION, places_by_scans(run, begin, followed))
+        _write_stages(folder / STAGES, Path(output).resolve() / MOTION, names)
+        about = _about(labels[0], tracks, begin, how, states) + [f"Warning: {w}." for w in warnings]
+        view = _write_surfaces(folder, run, begin, images, list(zip(names, found, strict=True)),
+                               size, how)  # fmt: skip
+        shown = list(zip(names, found, images[1:] or [None] * num, strict=True))
+        write_scans(folder, run, shown, size, about, view)
     return {
         "output": str(output),
         "table": str(Path(output) / TABLE),
+        "stages": str(Path(output) / STAGES),
         "report": str(Path(output) / "report.html"),
         "voxel_size": size,
         "run_counts_from": "seated" if begin.seated else "meshed",
@@ -158,16 +177,53 @@ def _write_table(path, names, found):
     table[["scan", *(c for c in table if c != "scan")]].to_csv(path, index=False)
 
 
-def _write_motion(path, container, found):
-    """Strains of the sample at each scan; the number of the scan stands for the time."""
-    strains = np.array([[f.numbers[f"sample_strain_{a}"] for a in "xyz"] for f in found])
-    known = {"x": strains[:, 0], "y": strains[:, 1], "z": strains[:, 2]}
-    known["r"] = strains[:, :2].mean(axis=1)
-    columns = {axis: known[axis] for axis in container.axes if axis in known}
-    rows = np.column_stack([np.arange(len(found)) + 1, *columns.values()])
-    rows = np.vstack([np.zeros(rows.shape[1]), rows])
-    head = ", ".join(["time [s]", *(f"strain_{a}" for a in columns)])
+def _write_motion(path, places):
+    """Places of walls at each scan, whose number stands for the time."""
+    rows = [[k, *found.values()] for k, found in enumerate(places, start=1)]
+    head = ", ".join(["time [s]", *(f"{wall} [m]" for wall in places[0])])
     np.savetxt(path, rows, fmt="%.9g", delimiter=", ", header=head, comments="")
+
+
+def _write_surfaces(folder, run, begin, images, scans, size, how):
+    """Surfaces of a few grains at all scans for ParaView, and as a view; None without labels."""
+    table = scans[-1][1].table
+    shown = grains_shown(table, how.grains)
+    if len(images) == 1:
+        return None
+    first = {g: begin.grains[g] for g in shown}
+    stages = [stage_of("first scan", start_moment(run, begin.seated), images[0], first, size)]
+    for (name, found), image in zip(scans, images[1:], strict=True):
+        now = dict(
+            zip(found.table["grain"].tolist(), found.table["label_now"].tolist(), strict=True)
+        )
+        label_of = {g: now[g] for g in shown if g in now}
+        shift = [found.numbers[f"common_shift_{a}"] if how.align else 0.0 for a in "xyz"]
+        stages.append(stage_of(name, found.moment, image, label_of, size, shift))
+    write_surfaces(folder, stages)
+    return view_of(stages, run.container)
+
+
+def stage_names(names):
+    """Names of stages for scans: those of their files without ending, with numbers if alike."""
+    stems = [Path(name).stem for name in names]
+    return [s if stems.count(s) == 1 else f"{s} {k}" for k, s in enumerate(stems, start=2)]
+
+
+def _quoted(text):
+    """A text as TOML has it."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _write_stages(path, motion, names):
+    """A stage a scan in which walls go on to where it shows them."""
+    text = [
+        "# After the stage that seats the sample: walls go as its ends in the scans.\n"
+        f"# With [output] fields = {len(names) + 1} or more a state is stored at each of them.\n"
+    ]
+    for row, name in enumerate(stage_names(names), start=2):
+        keys = f"name = {_quoted(name)}\nfollow = {_quoted(str(motion))}\nrow = {row}\n"
+        text.append(f"\n[[stage]]\n{keys}")
+    path.write_text("".join(text), encoding="utf-8")
 
 
 def about_grains(begin, run, first, size):
@@ -203,15 +259,19 @@ def beyond(numbers, name, height):
     ]
 
 
-def _about(first, tracks, strains, begin, align):
+def _about(first, tracks, begin, how, states):
     """How the comparison came about, in sentences."""
-    how = "read from tables of others" if tracks else "tracked by assignment and rigid registration"
-    said = [f"Grains of {first.name} were {how} in later scans."]
-    said.append(
-        "The strains of the run were given."
-        if strains
-        else "Each scan stands beside the run where the same grains are pressed as much along z."
-    )
+    way = "read from tables of others" if tracks else "tracked by assignment and rigid registration"
+    said = [f"Grains of {first.name} were {way} in later scans."]
+    where = "where the same grains are pressed as much along z"
+    if how.strains:
+        said.append("The strains of the run were given.")
+    elif None not in states:
+        said.append("Each scan stands beside the end of the run's stage of its name.")
+    elif any(state is not None for state in states):
+        said.append(f"Scans stand beside ends of stages of their names, or {where}.")
+    else:
+        said.append(f"Each scan stands beside the run {where}.")
     said.append(
         "Displacements count from the first scan, and in the run from "
         + ("the first stored state" if begin.seated else "the grains as meshed")
@@ -222,6 +282,6 @@ def _about(first, tracks, strains, begin, align):
         f"Nothing tells how round grains turn, whose principal moments are within {ROUND:.0%}: "
         "their rotation is empty in the table and in no mean."
     )
-    if align:
+    if how.align:
         said.append("The motion that all grains share beyond that of the run was taken out.")
     return said

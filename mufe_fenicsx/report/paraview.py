@@ -2,7 +2,8 @@
 
 Written into a run folder: ``paraview/contacts_0003.vtp`` of each stored state, their list
 ``paraview/contacts.vtp.series`` with times, and ``paraview_state.py``; likewise
-``paraview/grains_0003.vtp`` and ``paraview/grains.vtp.series`` with the strain around each grain.
+``paraview/grains_0003.vtp`` and ``paraview/grains.vtp.series`` with the strain around each grain,
+and ``paraview/fragments_0003.vtp`` and ``paraview/fragments.vtp.series`` of grains that can break.
 """
 
 import errno
@@ -23,7 +24,7 @@ from mufe_fenicsx.report import style
 from mufe_fenicsx.results.localisation import Places, strain_table
 
 FOLDER, SERIES, SCRIPT = "paraview", "contacts.vtp.series", "paraview_state.py"
-GRAINS = "grains.vtp.series"
+GRAINS, FRAGMENTS = "grains.vtp.series", "fragments.vtp.series"
 #: What a line carries, by its name in the table of contacts; vectors have three columns there.
 NUMBERS = {
     "normal_force": np.float64,
@@ -50,7 +51,8 @@ def write_paraview(run):
 
     Returns:
         dict of plain values: ``script`` (path), ``contacts`` (number of states with contacts),
-        ``grains`` (number of states with strains of grains),
+        ``grains`` (number of states with strains of grains), ``fragments`` (of pieces in the last
+        state, 0 where grains cannot break),
         ``stages`` (strains of the three stages side by side), ``missing`` (sentences).
 
     Raises:
@@ -74,13 +76,14 @@ def write_paraview(run):
         name = f"contacts_{index:04d}.vtp"
         _save(lines, folder / name, "active_contacts")
         listed.append({"name": name, "time": float(state["time"])})
-    _write_series(folder / SERIES, listed)
+    write_series(folder / SERIES, listed)
     try:
         num_grains = _write_grains(run, folder)
     except InputError as error:
         num_grains = 0
         missing.append(f"No strains of grains: {error}.")
     settings = _settings(run, bool(listed))
+    num_fragments = _write_fragments(run, folder)
     text = (files("mufe_fenicsx.report") / "assets" / SCRIPT).read_text(encoding="utf-8")
     text = text.replace(MARK, f"SETTINGS = {pprint.pformat(settings, sort_dicts=False)}", 1)
     write_atomically(run.path / SCRIPT, text)
@@ -88,6 +91,7 @@ def write_paraview(run):
         "script": str(run.path / SCRIPT),
         "contacts": len(listed),
         "grains": num_grains,
+        "fragments": num_fragments,
         "stages": [stage["strain"] for stage in settings["stages"]],
         "missing": missing,
     }
@@ -160,11 +164,50 @@ def _write_grains(run, folder):
         name = f"grains_{index:04d}.vtp"
         _save(grain_points(first, now), folder / name, "localisation")
         listed.append({"name": name, "time": float(state["time"])})
-    _write_series(folder / GRAINS, listed)
+    write_series(folder / GRAINS, listed)
     return len(listed)
 
 
-def _write_series(path, listed):
+def fragment_points(state):
+    """Pieces of the grains in a state as points at their centres; whole grains are one.
+
+    Args:
+        state: :class:`~mufe_fenicsx.results.state.State` with the field ``fragment``.
+
+    Returns:
+        pyvista.PolyData. Point data: ``grain``, ``fragment`` (0: the largest of its grain),
+        ``volume`` [m³], ``radius`` of a ball of the same volume [m], ``crack`` (softening of the
+        worst facet, 1: failed).
+    """
+    names = np.stack([state.grain, state.field("fragment")], axis=1)
+    names, of = np.unique(names, axis=0, return_inverse=True)
+    of, middle = of.ravel(), state.points[state.cells].mean(axis=1)
+    volume = np.bincount(of, state.volume)
+    centre = np.column_stack([np.bincount(of, state.volume * x) for x in middle.T])
+    found = pyvista.PolyData(centre / volume[:, None])
+    worst = np.zeros(len(names))
+    np.maximum.at(worst, of, state.field("crack"))
+    found.point_data["grain"], found.point_data["fragment"] = names.T.astype(np.int32)
+    found.point_data["volume"] = volume
+    found.point_data["radius"] = np.cbrt(0.75 / np.pi * volume)
+    found.point_data["crack"] = worst
+    return found
+
+
+def _write_fragments(run, folder):
+    """Write the pieces of all states; how many there are in the last one."""
+    if "fragment" not in run.state(-1).fields:
+        return 0
+    listed = []
+    for index, state in run.states.iterrows():
+        points, name = fragment_points(run.state(index)), f"fragments_{index:04d}.vtp"
+        _save(points, folder / name, "fields")
+        listed.append({"name": name, "time": float(state["time"])})
+    write_series(folder / FRAGMENTS, listed)
+    return points.n_points
+
+
+def write_series(path, listed):
     """List files with their times, as ParaView reads them."""
     series = {"file-series-version": "1.0", "files": listed}
     write_atomically(path, json.dumps(series, indent=1) + "\n")
@@ -179,8 +222,17 @@ def _save(lines, path, method):
     ]
     if about:
         lines.field_data["about"] = about
+    save_polydata(lines, path)
+
+
+def save_polydata(data, path):
+    """Write a pyvista.PolyData as a .vtp file, all of it or nothing.
+
+    Raises:
+        InputError: It cannot be written.
+    """
     writer = vtkXMLPolyDataWriter()
-    writer.SetInputData(lines)
+    writer.SetInputData(data)
     try:
         with replacing(path) as part:
             writer.SetFileName(str(part))
@@ -201,6 +253,7 @@ def _settings(run, contacts):
         last = run.with_contacts().index[-1]
         table = run.active_contacts(last)
         force = float(table["normal_force"].max()) if len(table) else 0.0
+    last = run.state(-1)
     return {
         "folder": str(Path(run.path).resolve()),
         "stages": [
@@ -210,5 +263,6 @@ def _settings(run, contacts):
         "stress": style.round_limit(limit),
         "contacts": contacts,
         "force": style.round_limit(force),
+        "fragments": int(last.field("fragment").max()) if "fragment" in last.fields else 0,
         "box": run.box.tolist(),
     }

@@ -280,7 +280,7 @@ def draw_differences(found, name, voxel_size):
 FIGURES = (draw_scatter, draw_maps, draw_differences)
 
 
-def write_scans(folder, run, scans, voxel_size, about):
+def write_scans(folder, run, scans, voxel_size, about, view=None):
     """Write ``report.html`` and ``figures`` of a run beside scans.
 
     Args:
@@ -289,6 +289,7 @@ def write_scans(folder, run, scans, voxel_size, about):
         scans: List of (name, :class:`~mufe_fenicsx.results.scans.Beside`, labels or None).
         voxel_size: [m].
         about: Sentences on how the comparison came about.
+        view: :class:`~mufe_fenicsx.report.view.View` of surfaces, or None.
 
     Raises:
         InputError: It cannot be written.
@@ -314,6 +315,7 @@ def write_scans(folder, run, scans, voxel_size, about):
             [picture.row for picture in pictures],
             [("All grains together", _rows(scans), ("", *(name for name, _, _ in scans)))],
             FOOTER,
+            view,
         )
     except OSError as error:
         raise InputError(f"report in {folder} cannot be written ({reason(error)})") from error

@@ -43,10 +43,10 @@ def grain_surfaces(cells, grain_of_cell, boundary=None):
     num_nodes = int(cells.max()) + 1
     key = grain[cell][:, None].astype(np.int64) * num_nodes + faces
     key, faces = np.unique(key, return_inverse=True)
-    return Surfaces(labels, key % num_nodes, key // num_nodes, _in_order(faces.reshape(-1, 3)))
+    return Surfaces(labels, key % num_nodes, key // num_nodes, in_order(faces.reshape(-1, 3)))
 
 
-def _in_order(faces):
+def in_order(faces):
     """Triangles turned so that the smallest node comes first, sorted by it."""
     turn = (np.argmin(faces, axis=1)[:, None] + np.arange(3)) % 3
     faces = np.take_along_axis(faces, turn, axis=1)
@@ -86,7 +86,7 @@ def thinned(surfaces, points, most):
         surfaces.labels,
         np.concatenate(nodes),
         np.concatenate(grain),
-        _in_order(np.concatenate(faces)),
+        in_order(np.concatenate(faces)),
     )
 
 

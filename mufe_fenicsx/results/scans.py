@@ -80,6 +80,27 @@ def moment_at(run, strain):
     return Moment(float(strain), tuple(int(e) for e in ends), weight, points, later)
 
 
+def moment_of(run, number):
+    """A stored state as a :class:`Moment`."""
+    state = run.state(number)
+    return Moment(float(state.strain), (number, number), 1.0, state.points, state)
+
+
+def stage_ends(run):
+    """Stored states at the ends of stages, dict name of the stage -> number of the state."""
+    states, found = run.states, {}
+    try:
+        stages = run.summary.get("stages", [])
+    except InputError:  # a run that was killed early
+        return {}
+    following = [*(stage["time"] for stage in stages[1:]), np.inf]
+    for stage, end in zip(stages, following, strict=True):
+        own = states[states["stage"] == stage["name"]]
+        if len(own) and (own["time"].iloc[-1] == end or (np.isinf(end) and run.finished)):
+            found[stage["name"]] = int(own.index[-1])
+    return found
+
+
 def start_points(run, state, seated):
     """Nodes from which the motion of a run counts [m], in the order of a state, (num_nodes, 3).
 
@@ -230,7 +251,9 @@ class Beside:
     run_labels: np.ndarray | None  #: the run's grains on the scan's voxels; None without labels
 
 
-def beside(run, track, start, voxel_size, *, strain=None, labels=(None, None), align=False):
+def beside(
+    run, track, start, voxel_size, *, strain=None, state=None, labels=(None, None), align=False
+):
     """A run beside a scan that was tracked.
 
     Args:
@@ -240,6 +263,7 @@ def beside(run, track, start, voxel_size, *, strain=None, labels=(None, None), a
         voxel_size: [m].
         strain: Of the run's states at which it is looked at; None: where its grains are as much
             shorter along z, since the start, as the same grains in the scan.
+        state: Number of that at which it is looked at instead.
         labels: Of the first scan and of the later one, (z, y, x); None where there are none.
         align: Take the mean difference of displacements, as of a sample that was mounted anew, out
             of the scan.
@@ -252,11 +276,12 @@ def beside(run, track, start, voxel_size, *, strain=None, labels=(None, None), a
     """
     grain, at = _tracked(track, start.grains)
     numbers, wanted = {}, float(mean_strains(track.centre[at], track.displacement[at])[2])
-    if strain is None:
+    how = "stage" if state is not None else "strain" if strain is not None else "motion"
+    if how == "motion":
         of_states = shortenings(run, grain, track.centre[at], start.seated)
         strain = strain_at(run, of_states, wanted)
         numbers |= {"run_shortening_least": of_states.min(), "run_shortening_most": of_states.max()}
-    moment = moment_at(run, strain)
+    moment = moment_at(run, strain) if state is None else moment_of(run, state)
     table, shift = _motions(run, track, moment, (grain, at), (start.seated, align))
     run_labels = None
     if labels[1] is not None:
@@ -269,7 +294,7 @@ def beside(run, track, start, voxel_size, *, strain=None, labels=(None, None), a
     ours = mean_strains(track.centre[at], vectors(table, "run_displacement"))[2]
     numbers |= {"shortening": wanted, "run_shortening": ours}
     numbers = {name: float(value) for name, value in numbers.items()}
-    numbers |= {"num_grains": start.num_grains, "num_on_labels": len(start.grains)}
+    numbers |= {"beside": how, "num_grains": start.num_grains, "num_on_labels": len(start.grains)}
     numbers |= _numbers(table, track, voxel_size, moment)
     numbers |= {f"common_shift_{a}": float(s) for a, s in zip("xyz", shift, strict=True)}
     of_all = mean_strains(track.centre, track.displacement)

@@ -194,6 +194,9 @@ class Stage:
     follow: Path | None = setting(
         None, "", "CSV file with measured strains, displacements or places of walls over time"
     )
+    row: int | None = setting(
+        None, "", "of that file to go to, from the row before; left out: all rows", ge=2
+    )
     o: Axis | None = setting(
         None, "", "what the outer wall of a hollow cylinder does; lengths are diameters"
     )
@@ -228,6 +231,8 @@ class Stage:
                 if seen.setdefault(axis, key) != key:
                     raise InputError(f"{key} is given, expected {axis} once: {seen[axis]} has it")
         self._check_stresses()
+        if self.row is not None and self.follow is None:
+            raise InputError(f"row = {self.row}, expected follow = a file beside it")
         if self.undrained:
             self._check_undrained()
         moves = [*self.axes.values(), *self.along.values()]

@@ -22,6 +22,7 @@ import mufe_fenicsx.geometry.grains as grain_files
 from mufe_fenicsx import __version__
 from mufe_fenicsx.cli.arguments import known_names, parameters
 from mufe_fenicsx.cli.main import main
+from mufe_fenicsx.cli.summary_words import printed
 from mufe_fenicsx.cli.terminal import Printer, plain, progress_bar
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.machine import doing
@@ -460,6 +461,15 @@ def test_parameters_and_names_of_cases():
     assert known_names([], cases) == ["column", "patch"]
     with pytest.raises(InputError, match="colum is not known, expected column"):
         known_names(["colum"], cases)
+
+
+def test_a_void_ratio_that_is_not_known_is_not_printed():
+    """Of a sample too narrow for a place away from walls histories have 0."""
+    known = {"void_ratio": 0.6, "void_ratio_inside": 0.5, "void_ratio_error": 0.01}
+    assert printed(known | {"profile": {}}) == known
+    assert printed(known | {"void_ratio_inside": 0.0, "void_ratio_error": 0.0}) == {
+        "void_ratio": 0.6
+    }
 
 
 def test_json_holds_what_numpy_computes():

@@ -68,11 +68,16 @@ def test_a_run_against_its_images(mufe, place):
     assert {f"scan-1-{n}.png" for n in ("scatter", "maps", "slices", "differences")} <= made
     page = (place / "run-scans" / "report.html").read_text()
     assert "Overlap of grains with their labels (Dice), mean" in page and page.count("<figure") == 4
-    # Stages can follow the sample's strains.
+    assert '"sources": [{"kind": "run", "stage": 0}' in page and "Surfaces of 6 grains" in page
+    assert (place / "run-scans" / "surfaces" / "scan_0001.vtp").is_file()
+    # Stages can follow the ends of the sample. Balls of two layers come nearer by 0.02 of half of
+    # its height, and count as rigid; 0.1 voxels of 32 at both ends are 0.006.
     motion = read_measured(
         place / "run-scans" / "motion.csv", columns_of(Run(place / "run").container)
     )
-    assert motion.columns["strain_z"] == pytest.approx([0, 0.02], abs=6e-3)
+    height = motion.columns["z_max"] - motion.columns["z_min"]
+    assert 1 - height[1] / height[0] == pytest.approx(0.01, abs=6e-3)
+    assert told["stages"] == "run-scans/stages.toml"
 
 
 @pytest.mark.parametrize(
@@ -99,6 +104,11 @@ def test_a_run_against_its_images(mufe, place):
             ("scan0.tif", "scan1.tif", "--strain", "1,2"),
             "2 strains of 1 later scans, expected as many",
         ),
+        (
+            ("scan0.tif", "scan1.tif", "--grains", "3,12"),
+            "grain 3 is not compared, expected one of",
+        ),
+        (("scan0.tif", "scan1.tif", "--grains", "a"), '--grains = "a", expected numbers of grains'),
         (("scan0.tif", "scan1.tif", "--strain", "a"), '--strain = "a", expected a number'),
     ],
 )

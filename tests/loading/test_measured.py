@@ -92,3 +92,23 @@ def test_a_file_must_not_lead_what_its_stage_leads(tmp_path):
         loading = block(Stage("test", follow=path))[1]
         loading._begin(np.zeros(6))
     assert read_measured(path, {"time": "s", "z_max": "m"}).columns["z_max"][1] == 0.9e-3
+
+
+def test_a_stage_goes_from_one_row_to_the_next(tmp_path):
+    """Stages of single rows end where the rows say, as the whole file does at its last one."""
+    path = tmp_path / "motion.csv"
+    path.write_text(MOTION)
+    sim, loading = block(*(Stage(f"to {row}", follow=path, row=row) for row in (2, 3, 4)))
+    ends = {}
+    while not loading.finished:
+        loading.before_step()
+        sim.step()
+        ends[loading.stage] = loading.apparatus.gauges.strains[0]
+    strains = [ends[f"to {row}"] for row in (2, 3, 4)]
+    # A stage reaches its last length to rounding.
+    assert strains == pytest.approx([0.001, 0.0005, 0.002], abs=1e-11)
+    for row in (1, 5):
+        with pytest.raises(InputError, match=rf"row = {row}( of .*csv)?, expected (2 to 4|>= 2)"):
+            block(Stage("test", follow=path, row=row))
+    with pytest.raises(InputError, match="row = 2, expected follow = a file beside it"):
+        Stage("test", row=2)

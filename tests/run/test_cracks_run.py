@@ -1,6 +1,7 @@
 """`mufe run` of a scene whose grains break."""
 
 import csv
+import json
 import random
 import re
 import shutil
@@ -10,6 +11,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+import pyvista
 from mpi4py import MPI
 
 from mufe_fenicsx.analysis import energy_check
@@ -25,6 +27,7 @@ from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.output.run_folder import read_run_json
 from mufe_fenicsx.report import breakage, style, write_report
+from mufe_fenicsx.report.paraview import write_paraview
 from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.report.style import number
 from mufe_fenicsx.results import Run
@@ -143,6 +146,30 @@ def test_pieces_are_in_fields_tables_and_the_history(broken):
     einav = table["einav"].to_numpy()
     assert 0.0 < einav[-1] == pytest.approx(last["einav"])
     assert (table.attrs["units"]["d50"], table.attrs["units"]["split"]) == ("m", "-")
+
+
+@pytest.mark.mpi
+def test_paraview_gets_a_point_a_piece(broken, tmp_path):
+    """As many as history tells; volumes and middles of mass of all pieces are those of a grain."""
+    folder = shutil.copytree(broken / "whole", tmp_path / "copy")
+    history, run = read_history(folder / "history.csv"), Run(folder)
+    result, state = write_paraview(run), run.state(-1)
+    points = pyvista.read(folder / "paraview" / f"fragments_{state.index:04d}.vtp")
+    num = history["num_fragments"][-1] + 3 - history["broken_grains"][-1]
+    assert result["fragments"] == points.n_points == num
+    for grain in (1, 2, 3):
+        mine, cells = points["grain"] == grain, state.grain == grain
+        volume, middle = state.volume[cells], state.points[state.cells[cells]].mean(axis=1)
+        assert points["fragment"][mine].tolist() == list(range(mine.sum()))
+        # Sums in another order.
+        assert points["volume"][mine].sum() == pytest.approx(volume.sum(), rel=1e-12)
+        moment = points["volume"][mine] @ points.points[mine]
+        assert moment == pytest.approx(volume @ middle, abs=1e-12 * RADIUS * volume.sum())
+    assert points["crack"].max() == state.field("crack").max() == 1.0
+    series = json.loads((folder / "paraview" / "fragments.vtp.series").read_text())["files"]
+    assert [s["time"] for s in series] == run.states["time"].tolist()
+    most = state.field("fragment").max()
+    assert f"'fragments': {most}" in (folder / "paraview_state.py").read_text()
 
 
 @pytest.mark.mpi

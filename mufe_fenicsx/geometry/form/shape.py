@@ -153,6 +153,43 @@ def shapes_of_meshes(grains):
     return rows
 
 
+def label_surface(labels, label, box, voxel_size):
+    """Surface of a label, at half of its voxels' smoothed indicator, with the volume of these.
+
+    Args:
+        labels: (z, y, x).
+        label: One of them.
+        box: Slices (z, y, x) around it.
+        voxel_size: [m].
+
+    Returns:
+        Points (x, y, z) from the image's corner [m], outward triangles, and moments of its voxels
+        (:func:`voxel_moments`).
+
+    Raises:
+        InputError: It is a voxel thick.
+    """
+    from skimage.measure import marching_cubes
+
+    mask = np.pad(labels[box] == label, 4)
+    corner = np.array([side.start - 4 for side in box])
+    coordinates = ((np.argwhere(mask) + corner + 0.5) * voxel_size)[:, ::-1]
+    moments = voxel_moments(coordinates, voxel_size)
+    smooth = gaussian_filter(mask.astype(np.float32), SMOOTHING)
+    if smooth.max() <= 0.5:
+        raise InputError(
+            f"grain {label} has {len(coordinates)} voxels, expected grains thicker than one"
+        )
+    vertices, triangles, *_ = marching_cubes(smooth, 0.5)
+    vertices = ((vertices + corner + 0.5) * voxel_size)[:, ::-1]
+    inside = vertices - moments[1]
+    x = inside[triangles]
+    volume = np.einsum("ij,ij->", x[:, 0], np.cross(x[:, 1], x[:, 2])) / 6
+    factor = (moments[0] / abs(volume)) ** (1 / 3)
+    triangles = triangles if volume > 0 else triangles[:, ::-1]
+    return moments[1] + factor * inside, triangles, moments
+
+
 def shapes_of_labels(labels, voxel_size):
     """Rows of the table for labelled voxels, one a grain.
 
@@ -167,8 +204,6 @@ def shapes_of_labels(labels, voxel_size):
     Raises:
         InputError: labels that cannot be used.
     """
-    from skimage.measure import marching_cubes
-
     labels = np.asarray(labels)
     if labels.ndim != 3 or labels.dtype.kind not in "biu":
         raise InputError(
@@ -180,22 +215,7 @@ def shapes_of_labels(labels, voxel_size):
         )
     rows = []
     for label, box in grains_in(labels.astype(np.int32)):
-        mask = np.pad(labels[box] == label, 4)
-        corner = np.array([side.start - 4 for side in box])
-        coordinates = ((np.argwhere(mask) + corner + 0.5) * voxel_size)[:, ::-1]
-        moments = voxel_moments(coordinates, voxel_size)
-        smooth = gaussian_filter(mask.astype(np.float32), SMOOTHING)
-        if smooth.max() <= 0.5:
-            raise InputError(
-                f"grain {label} has {len(coordinates)} voxels, expected grains thicker than one"
-            )
-        vertices, triangles, *_ = marching_cubes(smooth, 0.5)
-        vertices = ((vertices + corner + 0.5) * voxel_size)[:, ::-1]
-        inside = vertices - moments[1]
-        x = inside[triangles]
-        volume = abs(np.einsum("ij,ij->", x[:, 0], np.cross(x[:, 1], x[:, 2]))) / 6
-        factor = (moments[0] / volume) ** (1 / 3)
-        surface = moments[1] + factor * inside
+        surface, triangles, moments = label_surface(labels, label, box, voxel_size)
         rows.append(describe(label, moments, surface, surface_area(surface, triangles)))
     return rows
 

@@ -1,11 +1,12 @@
 """Shows a run in ParaView: von Mises stress at three stages side by side, contacts over time.
 
 In ParaView: File > Load State, or Tools > Python Shell > Run Script. For pictures without a
-window: ``pvbatch paraview_state.py PICTURE.png [CONTACTS.png]``.
+window: ``pvbatch paraview_state.py PICTURE.png [CONTACTS.png [FRAGMENTS.png]]``.
 
 Layout "Stress": three stages with one colour scale and one camera, as Fig. 13 of Nadimi & Fonseca
 (2018). Layout "Contacts": the fields through time, faint, and the contacts as tubes by their
-normal force; the other data of both can be chosen in ParaView.
+normal force; the other data of both can be chosen in ParaView. Layout "Fragments", where grains
+have broken: pieces through time by their number in the grain, 0 the largest.
 """
 
 import json
@@ -145,18 +146,34 @@ def show_contacts(run_folder):
     return layout
 
 
+def show_fragments(run_folder):
+    """Pieces of broken grains through time."""
+    layout = simple.CreateLayout("Fragments")
+    view = new_view("fragments of broken grains")
+    simple.AssignViewToLayout(view=view, layout=layout, hint=0)
+    fields = open_series(run_folder, "fields/states.vtkhdf.series", simple.VTKHDFReader)
+    simple.RenameSource("pieces", fields)
+    shown = simple.Show(deformed_surface(fields), view)
+    array = ("CELLS", "fragment")
+    colour(shown, array, "Fragment, 0: the largest", SETTINGS["fragments"], view, True)
+    look(view)
+    return layout
+
+
 def main():
     """Show the run; save pictures to the files that arguments name."""
     run_folder = folder()
     stress = show_stress(run_folder)
     contacts = show_contacts(run_folder) if SETTINGS["contacts"] else None
+    fragments = show_fragments(run_folder) if SETTINGS["fragments"] else None
     times = simple.GetAnimationScene()
     times.UpdateAnimationUsingDataTimeSteps()
     times.GoToLast()
     simple.RenderAllViews()
     pictures = [name for name in sys.argv[1:] if name.endswith(".png")]
     num = len(SETTINGS["stages"])
-    for name, layout, views in zip(pictures, (stress, contacts), (num, 1), strict=False):
+    layouts = (stress, contacts, fragments)
+    for name, layout, views in zip(pictures, layouts, (num, 1, 1), strict=False):
         if layout is not None:
             size = [SIZE_OF_A_VIEW[0] * views, SIZE_OF_A_VIEW[1]]
             simple.SaveScreenshot(name, layout, ImageResolution=size)

@@ -39,7 +39,7 @@ class View {
       largest: Math.max(f.high, -f.low),
       values: (stage) => run.field(f, stage),
     }));
-    for (const motion of MOTIONS) {
+    for (const motion of run.sources ? [] : MOTIONS) {
       const values = (stage) => run.displacement(stage, motion.axis);
       const largest = values(this.stage).reduce((m, v) => Math.max(m, Math.abs(v)), 0);
       const [factor, unit] = lengthUnit(largest);
@@ -57,7 +57,7 @@ class View {
     const colour = run.array("colour");
     fields.push({
       name: "grain",
-      title: "Grain number",
+      title: run.sources ? "Scan and run" : "Grain number",
       colours: "labels",
       values: () => Float32Array.from(run.grainOfNode, (grain) => (colour[grain] + 0.5) / 8),
     });
@@ -72,6 +72,7 @@ class View {
       for (const field of this.fields.filter(test)) group.append(new Option(field.title, field.name));
       if (group.children.length) byId("view-field").append(group);
     }
+    byId("view-sources").hidden = !this.run.sources;
     byId("view-stage").max = String(this.run.stages.length - 1);
     this.field = this.fields[0];
     byId("view-field").value = this.field.name;
@@ -83,6 +84,7 @@ class View {
     on("view-field", "change", (e) => this.setField(e.target.value));
     on("view-upper", "input", (e) => this.setUpper(Number(e.target.value)));
     on("view-grains", "change", () => this.redraw());
+    on("view-source", "change", () => this.setShown());
     on("view-contacts", "change", (e) => {
       // Contacts lie inside the grains.
       if (e.target.value !== "none" && byId("view-grains").value === "shown") {
@@ -93,7 +95,7 @@ class View {
     on("view-cut", "change", () => this.setCut());
     on("view-cut-place", "input", () => this.setCut());
     on("view-label", "change", (e) => {
-      this.select(this.run.labels.indexOf(Number(e.target.value)));
+      this.select(this.find(Number(e.target.value)));
     });
     on("view-hide", "click", () => this.hide());
     on("view-only", "click", () => this.isolate());
@@ -157,7 +159,8 @@ class View {
     this.painter.setPlaces(this.run.places[this.stage + 1]);
     this.contacts = this.run.contacts(this.stage);
     this.setBox();
-    this.setContacts();
+    if (this.run.sources && this.selected >= 0) this.selected = this.find(this.run.labels[this.selected]);
+    this.setShown();
     this.setField(this.field.name);
     this.showGrain();
   }
@@ -206,7 +209,9 @@ class View {
     const labels = field.colours === "labels";
     const unit = field.unit ? `: ${field.unit}` : "";
     byId("legend-title").textContent = labels
-      ? "Grain number: colours tell grains that touch apart"
+      ? this.run.sources
+        ? "Blue: run, orange: scan"
+        : "Grain number: colours tell grains that touch apart"
       : field.title + unit + (known ? NOTES[field.colours] ?? "" : " (not stored at this stage)");
     const ends = { low, middle: 0.5 * (low + high), high };
     for (const [name, value] of Object.entries(ends)) {
@@ -309,15 +314,30 @@ class View {
     this.redraw();
   }
 
+  /** Whether a surface is one of the stage and of what is chosen; all are where scans are not. */
+  belongs(grain) {
+    const source = this.run.sources?.[grain];
+    const kind = byId("view-source").value;
+    return !source || (source.stage === this.stage && (kind === "both" || kind === source.kind));
+  }
+
+  /** Index of the grain of a number, -1: none. */
+  find(label) {
+    return this.run.labels.findIndex((other, grain) => other === label && this.belongs(grain));
+  }
+
   setShown() {
-    const shown = new Uint8Array(this.run.numGrains).map((_, grain) => !this.hidden.has(grain));
+    const shown = new Uint8Array(this.run.numGrains).map(
+      (_, grain) => !this.hidden.has(grain) && this.belongs(grain),
+    );
     this.painter.setShown(shown);
     this.setContacts();
   }
 
   hide() {
     if (this.selected < 0) return;
-    this.hidden.add(this.selected);
+    const label = this.run.labels[this.selected];
+    this.run.labels.forEach((other, grain) => other === label && this.hidden.add(grain));
     this.select(-1);
     this.setShown();
   }
@@ -327,7 +347,9 @@ class View {
     if (this.selected < 0) return;
     const near = new Set(this.contactsOf(this.selected).map(({ other }) => other));
     near.add(this.selected);
-    this.hidden = new Set(this.run.labels.map((_, grain) => grain).filter((g) => !near.has(g)));
+    const { labels } = this.run;
+    const kept = new Set([...near].map((grain) => labels[grain]));
+    this.hidden = new Set(labels.map((_, grain) => grain).filter((g) => !kept.has(labels[g])));
     this.setShown();
   }
 
