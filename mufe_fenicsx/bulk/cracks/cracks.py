@@ -208,9 +208,9 @@ class Cracks(ForceTerm):
         if edge <= wanted or self.fracture.lower_strength:
             return None
         return (
-            f"edges of the mesh = {with_unit(edge, 'm')}, expected at most "
-            f"{with_unit(wanted, 'm')}, a fifth of the cohesive zone E·energy/strength² of "
-            "[fracture]; or lower_strength = true"
+            f"cracks take more than their energy: edges of the mesh = {with_unit(edge, 'm')}, a "
+            "fifth of the cohesive zone E·energy/strength² of [fracture] is "
+            f"{with_unit(wanted, 'm')}; mesh finer, or lower_strength = true"
         )
 
     # --- forces ---------------------------------------------------------------------------
