@@ -63,7 +63,8 @@ WORDS = {
         "contacts slide over sharp edges or very uneven facets: mesh them finer or more evenly",
     ),
     "opening": (
-        "Energy that facets gave as they opened, over the work of the walls",
+        "Energy that first springs of cracks gave, which they no longer store, and nodes that "
+        "parted, over the work of the walls",
         "cracks take the energy of the loading alone",
         "cracks run on energy that nothing gave: mesh finer, or raise fracture.energy",
     ),

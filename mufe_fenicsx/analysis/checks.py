@@ -131,7 +131,8 @@ def check_run(history, mass=None, contacts=None, sample=None):
         found += check_sample(history, *sample)
     verdict = check_all(history, found)
     if last is not None:
-        broke = f"Grains broke at {where(history, last)}; what follows is not judged."
+        broke = f"Grains break under the largest load, at {where(history, last)}; what follows is "
+        broke += "not judged."
         verdict = replace(verdict, text=f"{verdict.text} {broke}")
     return [_staged(history, check) for check in (verdict, *found)]
 

@@ -153,10 +153,12 @@ def _crushed(folder, data, result):
                          found.exponent_interval, ""))  # fmt: skip
         low, high = found.exponent_interval
         volume = 3 / found.modulus
-        agrees = "as" if low <= volume <= high else "and not as"
+        flaws = f"flaws in the volume would have it fall with d^-{volume:.2f}"
+        told = f"Strength goes with d^{-found.exponent:.2f}"
+        if low <= 0.0 <= high:
+            told = "The forces tell no effect of size"
         result["notes"].append(
-            f"Strength falls with d^-{found.exponent:.2f}, {agrees} flaws in the volume would have "
-            f"it, d^-{volume:.2f}."
+            f"{told}; {flaws}, which {'fits' if low <= volume <= high else 'does not fit'}."
         )
     else:
         result["notes"].append("Sizes are alike or few: no effect of size is sought.")

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from .data import LEAST
-from .fit import WIDE, fit_curves
+from .fit import FLOOR, WIDE, fit_curves
 
 #: Of the largest force of each curve.
 PARTS = (0.5, 0.25, 0.125)
@@ -32,11 +32,17 @@ class Agreement:
     values: list  #: [Pa]
     intervals: list  #: of 95 % [Pa]; (0, inf) where there is none
     until: int | None  #: the first part that all smaller ones confirm; None: none
+    begins: float  #: least part of its largest force at which a curve begins; 0 where E is given
 
     @property
     def agrees(self):
-        """Whether all parts confirm the whole, or there are none."""
-        return self.until == 0
+        """Whether all parts confirm the whole, and some curve begins at touch."""
+        return self.until == 0 and not self.begins_late
+
+    @property
+    def begins_late(self):
+        """Whether no curve tells of the first touch: a grain that flows there seems soft."""
+        return self.begins > FLOOR
 
     @property
     def ends(self):
@@ -76,7 +82,8 @@ def agreement(fit, curves, setup, given):
                   and all(_alike(each, other, name, chance) for other in fits[i + 1 :])),
                  None)  # fmt: skip
     intervals = [(0.0, math.inf) if name in each.held else each.interval(name) for each in fits]
-    return Agreement(name, parts, [each.value(name) for each in fits], intervals, until)
+    begins = min(float(c.force.min() / c.force.max()) for c in curves) if name == "E" else 0.0
+    return Agreement(name, parts, [each.value(name) for each in fits], intervals, until, begins)
 
 
 def _below(curve, part):

@@ -71,7 +71,12 @@ def _is_wide(fit, name):
 
 
 def _other_law(law):
-    """Of parts of the curves that tell another value than the whole."""
+    """Of parts of the curves that tell another value than the whole, or lack."""
+    if law.begins_late:
+        return (
+            f"Curves begin at {100 * law.begins:.0f} % of their largest force, where grains may "
+            "flow: they do not tell Young's modulus. Give --modulus, or curves from the touch on."
+        )
     whole, *lower = (with_unit(value, "Pa") for value in law.values)
     parts = [f"up to {part:g} of it {value}"
              for part, value in zip(law.parts[1:], lower, strict=True)]  # fmt: skip
@@ -158,7 +163,7 @@ def material_block(fit, nu, density, unsure=False):
         fit: :class:`~.fit.Fit`.
         nu: Poisson's ratio.
         density: [kg/m³].
-        unsure: The modulus is not determined: it is no line of the table.
+        unsure: The modulus is not determined: neither it nor stresses are lines of the table.
     """
     E = with_unit(fit.material["E"], "Pa")
     modulus = (
@@ -169,8 +174,10 @@ def material_block(fit, nu, density, unsure=False):
     if yielded(fit):
         strain, stress, _ = end_of_table(fit)
         first = with_unit(fit.material["yield"], "Pa")
-        lines.append(
-            f'yield_stress = [[0.0, "{first}"], [{strain:g}, "{with_unit(stress, "Pa")}"]]'
-        )
+        if unsure:
+            lines.append("# yield_stress: calibrate again with that E")
+        else:
+            last = with_unit(stress, "Pa")
+            lines.append(f'yield_stress = [[0.0, "{first}"], [{strain:g}, "{last}"]]')
         lines.append(f'beyond = "flat"   # not determined by the data beyond {strain:g}')
     return "\n".join(lines) + "\n"
