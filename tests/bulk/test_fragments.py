@@ -217,6 +217,23 @@ def test_lost_faces_meet_without_a_blow():
     assert s.energies()["switching"] == 0.0
 
 
+def test_points_of_pieces_do_not_come_in_at_once():
+    """One that is deeper than it can have moved, past sides of a crack, begins without a force."""
+    s = build(ALONE, [BRICK], ELASTIC, (0, 0, 0), (SIDE, SIDE, 2 * SIDE), "z")
+    s.grow(across(s.mesh, lambda x: x[:, 2] > SIDE))
+    contact, f = s.contact, np.zeros_like(s.state.x)
+    s.state.x[upper(s.mesh), 2] -= 0.01 * SIDE
+    contact.ghosts.place(s.state.x)  # without a motion that is known
+    contact.evaluate(f)
+    pairs = contact.pairs
+    assert pairs.gap[pairs.within].min() < -0.009 * SIDE and np.abs(f).max() == 0.0
+    # From there on it bears.
+    s.state.x[upper(s.mesh), 2] -= 0.001 * SIDE
+    contact.begin_step(s.state.x)
+    contact.add_forces(f, s.state.x)
+    assert np.abs(f).max() > 0.0
+
+
 def test_halves_meet_again_where_they_lost_touch():
     """Contact that took over closes at a gap: it is not seen later, at its full depth.
 

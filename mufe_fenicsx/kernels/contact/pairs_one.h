@@ -60,7 +60,7 @@ static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double li
    that was closest in the last step. The normal force of a point in a facet is that of its
    place; a vertex that comes in from the side, past a sharp edge, carries from the depth on at
    which it came: where sides of bodies lie in a plane, vertices cross it all the time. So does a
-   point of a piece, which may lie in others of its grain, that turns to a facet which it faces. */
+   point of a piece: those of a grain lie in each other, and sides of a crack in each of them. */
 static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, int64_t before) {
   double *x = m->x, *f = m->f;
   pair_row *s = m->row + p;
@@ -122,7 +122,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   s->normal = times(1.0 / steep, steepest);
   s->gap = g;
 
-  const int can_jump = s->num_around > 0 || (beside && s->within);
+  const int can_jump = s->num_around > 0 || s->within;
   const double moved = bound - m->next_check[p];
   if (!s->closed) {
     /* The offset of a pair that moves out follows it, and never grows again. */
