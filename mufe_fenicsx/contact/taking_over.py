@@ -29,7 +29,7 @@ def take_over(contact, sides, traction, held, x):
     pressed = pressure > 0.0
     pairs, layers, bears, pressure = (of[pressed] for of in (pairs, layers, bears, pressure))
     p.offset[pairs] = p.gap[pairs] + pressure * layers
-    p.next_check[pairs] = p.motion_bounds.now[pairs]  # those that stand apart would wait
+    p.next_check[pairs] = -np.inf  # they neither wait nor came in from the side
     contact.evaluate(np.zeros_like(x))
     facing = p.facing[pairs]
     shear = bears - np.einsum("ni,ni->n", bears, facing)[:, None] * facing
