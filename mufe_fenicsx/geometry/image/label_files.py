@@ -57,6 +57,7 @@ def read_labels(
     path,
     *,
     voxel_size=None,
+    unstated=None,
     key=None,
     shape=None,
     dtype=None,
@@ -71,6 +72,7 @@ def read_labels(
             with an array "labels". Fiji writes labels as floating point numbers: those are taken
             if they are whole.
         voxel_size: Voxel size of a file that does not state it [m], or three (z, y, x).
+        unstated: Voxel size where the file does not state it and `voxel_size` is not given [m].
         key, shape, dtype, axes, notices: See `image_files.read_with_size`.
         numbers: See `labels.plain_labels`.
 
@@ -85,7 +87,7 @@ def read_labels(
     labels, stated = read_with_size(
         path, shape=shape, dtype=dtype, key=key, axes=axes, notices=notices
     )
-    size = known_voxel_size(voxel_size, stated, path)
+    size = known_voxel_size(voxel_size, unstated if stated is None else stated, path)
     own = _own_voxel_size(path)
     if own is not None and abs(max(size) / own - 1) + abs(min(size) / own - 1) > 1e-9:
         raise InputError(

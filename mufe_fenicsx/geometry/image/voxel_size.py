@@ -122,7 +122,8 @@ def known_voxel_size(given, stated, path):
     if size is None or isinstance(size, str):
         how = "not stated" if size is None else f"stated as {size}"
         raise InputError(
-            f"voxel_size of {path} is {how}, expected a length in metres, or three (z, y, x)"
+            f"voxel_size of {path} is {how}, expected a length in metres, or three (z, y, x), by "
+            "voxel_size or --voxel-size"
         )
     size = tuple(map(float, size)) if isinstance(size, tuple | list) else (float(size),) * 3
     if len(size) != 3 or not all(SMALLEST <= s <= LARGEST for s in size):
