@@ -3,7 +3,7 @@
 What the command needs is imported where it runs, so that `mufe --help` is quick.
 """
 
-from math import isnan
+from math import degrees, isnan
 from pathlib import Path
 from typing import Annotated
 
@@ -20,9 +20,10 @@ SHOWN = (
     "strain", "shortening", "run_shortening", "num_grains", "num_on_labels", "num_tracked",
     "num_lost_in_scan", "mean_displacement",
     "mean_displacement_difference", "mean_difference_voxels", "num_rotations",
-    "mean_rotation_difference", "mean_dice", "contacts_gained", "run_contacts_gained",
+    "mean_rotation_difference_deg", "mean_dice", "contacts_gained", "run_contacts_gained",
     "contacts_lost", "run_contacts_lost",
 )  # fmt: skip
+STRAINS = ("strain", "shortening", "run_shortening")
 #: Options that take several values in a row.
 LISTS = ("--labels", "--tracks")
 
@@ -100,14 +101,24 @@ def compare(
         )  # fmt: skip
     for scan in result["scans"]:
         printer.say(f"{scan['scan']}:")
-        told = {name: scan[name] for name in SHOWN if name in scan}
-        printer.summary({name: value for name, value in told.items() if not isnan(value)})
+        printer.summary(_shown(scan))
+        if scan["lost_in_scan"]:
+            printer.say("labels lost: " + ", ".join(str(n) for n in scan["lost_in_scan"]))
         printer.say("")
     printer.say(f"the run counts from its grains as {result['run_counts_from']}")
     printer.say(*result["notices"], *(f"warning: {line}" for line in result["warnings"]))
     printer.say(f"stages that follow the scans: {result['stages']}")
     printer.say(f"report: {result['report']}")
     printer.write_json(result)
+
+
+def _shown(scan):
+    """What is printed of a scan: strains without rounding errors, angles in degrees."""
+    angle = degrees(scan["mean_rotation_difference"])
+    values = scan | {"mean_rotation_difference_deg": angle}
+    for name in STRAINS:
+        values[name] = round(values[name], 9)
+    return {name: values[name] for name in SHOWN if name in values and not isnan(values[name])}
 
 
 def _strains(text):

@@ -120,7 +120,7 @@ _OF_SCANS = {
     "mean_displacement": ("displacement in the scan, mean", "m"),
     "mean_displacement_difference": ("its difference to that of the run, mean", "m"),
     "mean_difference_voxels": ("the same in voxels", ""),
-    "mean_rotation_difference": ("angle between rotations of scan and run, mean", "rad"),
+    "mean_rotation_difference_deg": ("angle between rotations of scan and run, mean", "°"),
     "mean_dice": ("overlap of grains with their labels (Dice), mean", ""),
     "contacts_gained": ("contacts gained in the scan", ""),
     "run_contacts_gained": ("contacts gained in the run", ""),

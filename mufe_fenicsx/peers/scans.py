@@ -2,7 +2,7 @@
 
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +17,12 @@ from ..report.scans import write_scans
 from ..results import Run
 from ..results.sample_ends import places_by_scans
 from ..results.scans import beside, stage_ends, start_moment, start_of
+from .scan_doubts import about_grains, about_lost, about_seating, about_shift, about_walls, beyond
 from .tracks import read_track
 
 #: Table of all grains, by which a folder of a comparison is known; places of walls by the scans;
 #: and stages that follow these.
 TABLE, MOTION, STAGES = "compare.csv", "motion.csv", "stages.toml"
-#: Part by which diameters of run and labels may differ: twice what a mesh may have too little or
-#: too much of a grain's volume, and what labels are off by where they were segmented anew.
-LARGEST_DIFFERENCE = 0.03
 
 
 @dataclass(frozen=True)
@@ -79,9 +77,7 @@ def compare_scans(
         for k in range(num):
             later = images[k + 1] if len(images) > 1 else None
             if tracks:
-                track = read_track(tracks[k], first, size)
-                track.rotation[first.round] = np.nan
-                track = track if later is None else _with_labels(track, later, size)
+                track = _track_of_others(tracks[k], first, later, size)
             else:
                 new = bodies_of(later, str(labels[k + 1]))
                 told = progress and (lambda done, n, text=names[k]: progress(done, n, text))
@@ -93,11 +89,19 @@ def compare_scans(
                 beside(run, track, begin, size, strain=strain, state=states[k], labels=pair,
                        align=how.align)
             )  # fmt: skip
-            followed.append(track)
+            followed.append(_aligned(track, found[-1]) if how.align else track)
+            warnings += about_lost(track, names[k])
             warnings += beyond(found[-1].numbers, names[k], images[0].shape[0])
+            notices += [] if how.align else about_shift(found[-1].numbers, names[k], size)
+        places = places_by_scans(run, begin, followed)
+        seated_late = about_seating(begin, found, images[0].shape[0])
+        of_stages = seated_late + about_walls(places, found, names, size)
+        warnings += of_stages
         _write_table(folder / TABLE, names, found)
-        _write_motion(folder / MOTION, places_by_scans(run, begin, followed))
-        _write_stages(folder / STAGES, Path(output).resolve() / MOTION, names)
+        _write_motion(folder / MOTION, places)
+        _write_stages(
+            folder / STAGES, Path(output).resolve() / MOTION, names, of_stages, bool(seated_late)
+        )
         about = _about(labels[0], tracks, begin, how, states) + [f"Warning: {w}." for w in warnings]
         view = _write_surfaces(folder, run, begin, images, list(zip(names, found, strict=True)),
                                size, how)  # fmt: skip
@@ -140,7 +144,9 @@ def _read_scans(paths, voxel_size, key, notices):
     """Labels of all scans on the same voxels, and their size [m]."""
     images, first = [], None
     for path in paths:
-        image, size = read_labels(path, voxel_size=voxel_size, key=key, notices=notices)
+        image, size = read_labels(
+            path, voxel_size=voxel_size, unstated=first, key=key, notices=notices
+        )
         if first is None:
             first = size
         if image.shape != (images[0].shape if images else image.shape):
@@ -155,6 +161,19 @@ def _read_scans(paths, voxel_size, key, notices):
             raise InputError(f"labels {path}: no grain, all voxels are 0, expected at least one")
         images.append(image.astype(np.int32))
     return images, first
+
+
+def _track_of_others(path, first, later, size):
+    """A table of others as a track; round grains have no rotation."""
+    track = read_track(path, first, size)
+    track.rotation[first.round] = np.nan
+    return track if later is None else _with_labels(track, later, size)
+
+
+def _aligned(track, found):
+    """A track without the motion that all grains share beyond that of the run."""
+    shift = np.array([found.numbers[f"common_shift_{a}"] for a in "xyz"])
+    return replace(track, displacement=track.displacement - shift)
 
 
 def _with_labels(track, later, voxel_size):
@@ -214,49 +233,26 @@ def _quoted(text):
     return json.dumps(text, ensure_ascii=False)
 
 
-def _write_stages(path, motion, names):
-    """A stage a scan in which walls go on to where it shows them."""
+def _write_stages(path, motion, names, doubts, before):
+    """A stage a scan in which walls go on to where it shows them; doubts stand as comments.
+
+    Args:
+        path: File.
+        motion: File of the places of walls.
+        names: Of the later scans.
+        doubts: Sentences.
+        before: Whether the stages belong before that which seats the sample.
+    """
     text = [
-        "# After the stage that seats the sample: walls go as its ends in the scans.\n"
-        f"# With [output] fields = {len(names) + 1} or more a state is stored at each of them.\n"
+        f"# {'Before' if before else 'After'} the stage that seats the sample: walls go as its "
+        "ends in the scans.\n",
+        *(f"# Warning: {doubt}.\n" for doubt in doubts),
+        f"# With [output] fields = {len(names) + 1} or more a state is stored at each of them.\n",
     ]
     for row, name in enumerate(stage_names(names), start=2):
         keys = f"name = {_quoted(name)}\nfollow = {_quoted(str(motion))}\nrow = {row}\n"
         text.append(f"\n[[stage]]\n{keys}")
     path.write_text("".join(text), encoding="utf-8")
-
-
-def about_grains(begin, run, first, size):
-    """What the labels of the first scan lack, and whether their voxels are as large as meshed."""
-    told = []
-    lacking = begin.num_grains - len(begin.grains)
-    if lacking:
-        told.append(
-            f"{lacking} of {begin.num_grains} grains of {run.path} lie on no label of "
-            f"{first} and are left out"
-        )
-    if abs(begin.diameter_ratio - 1) > LARGEST_DIFFERENCE:
-        told.append(
-            f"grains of {first} are {begin.diameter_ratio:.3g} times as wide as those of "
-            f"{run.path} (median), expected 1: with voxels of {size / begin.diameter_ratio:.3g} m "
-            f"instead of {size:.3g} m they would be as wide"
-        )
-    return told
-
-
-def beyond(numbers, name, height):
-    """Whether a scan is pressed less or more than the run ever is: by over half a voxel."""
-    wanted, least, most = (
-        numbers.get(key) for key in ("shortening", "run_shortening_least", "run_shortening_most")
-    )
-    if least is None or least - 0.5 / height <= wanted <= most + 0.5 / height:
-        return []
-    what = "less than the run at its start" if wanted < least else "more than the run at its end"
-    return [
-        f"{name} is pressed {what}: its grains are shorter by {wanted + 0.0:.3g} along z than in "
-        f"the first scan, those of the run by {least + 0.0:.3g} to {most:.3g}; it stands beside "
-        "the nearest state"
-    ]
 
 
 def _about(first, tracks, begin, how, states):

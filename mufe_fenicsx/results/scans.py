@@ -280,6 +280,7 @@ def beside(
     if how == "motion":
         of_states = shortenings(run, grain, track.centre[at], start.seated)
         strain = strain_at(run, of_states, wanted)
+        numbers |= {"run_shortening_seated": of_states[0]}
         numbers |= {"run_shortening_least": of_states.min(), "run_shortening_most": of_states.max()}
     moment = moment_at(run, strain) if state is None else moment_of(run, state)
     table, shift = _motions(run, track, moment, (grain, at), (start.seated, align))
@@ -442,6 +443,7 @@ def _numbers(table, track, voxel_size, moment):
         "states": list(moment.states),
         "num_tracked": len(table),
         "num_lost_in_scan": int((~track.found).sum()),
+        "lost_in_scan": track.label[~track.found].tolist(),
         "mean_displacement": float(
             np.linalg.norm(table[[f"displacement_{a}" for a in "xyz"]], axis=1).mean()
         ),

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,14 @@ import pytest
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.tracking.track import track_labels
 from mufe_fenicsx.kernels.geometry.voxels import label_cells
-from mufe_fenicsx.peers.scans import about_grains, beyond
+from mufe_fenicsx.peers.scan_doubts import (
+    about_grains,
+    about_lost,
+    about_seating,
+    about_shift,
+    about_walls,
+    beyond,
+)
 from mufe_fenicsx.results import Run
 from mufe_fenicsx.results.scans import (
     beside,
@@ -198,6 +206,54 @@ def test_a_scan_beyond_the_run_is_told(run, seated_run, scans, track, strain, sa
         shown = [float(x) for x in re.findall(r"0\.\d+", told[0])]
         # Means of all grains to a tenth of the strain: some balls touch, and their labels are cut.
         assert shown == pytest.approx([strain, 0.025, 0.1], rel=0.1)
+
+
+def test_longer_samples_and_rounding_errors_are_told_in_words():
+    numbers = {"shortening": -0.04, "run_shortening_least": -4e-15, "run_shortening_most": 0.05}
+    (told,) = beyond(numbers, "b.tif", 100)
+    assert "its grains are longer by 0.04" in told and "run shorter by 0 to shorter" in told
+
+
+def test_a_first_scan_before_the_seating_is_told(seated_run, scans, track):
+    """Stages count from the grains as meshed, which seating has pressed by 0.025 since."""
+    start = start_of(seated_run, scans[0], VOXEL, "a.tif")
+    found = [beside(seated_run, track, start, VOXEL)]
+    (told,) = about_seating(start, found, scans[0].shape[0])
+    # Means of all grains to a tenth of the strain, as above.
+    assert float(re.search(r"0\.\d+", told)[0]) == pytest.approx(0.025, rel=0.1)
+    assert about_seating(replace(start, seated=True), found, scans[0].shape[0]) == []
+
+
+def test_more_than_a_tenth_of_grains_lost_is_told(track):
+    """One of twelve is 0.083, two are 0.167."""
+    displacement = track.displacement.copy()
+    displacement[0] = np.nan
+    assert about_lost(replace(track, displacement=displacement), "b.tif") == []
+    displacement[5] = np.nan
+    (told,) = about_lost(replace(track, displacement=displacement), "b.tif")
+    assert told.startswith("2 of 12 grains of the first scan are not found in b.tif: ")
+
+
+def test_a_shift_of_all_is_told_beyond_two_voxels():
+    for z, said in ((1.9, False), (-2.1, True)):
+        numbers = {"common_shift_x": 0.0, "common_shift_y": 0.0, "common_shift_z": z * VOXEL}
+        told = about_shift(numbers, "b.tif", VOXEL)
+        assert len(told) == said and all("0.0, 0.0, -2.1 voxels" in line for line in told)
+
+
+@pytest.mark.parametrize(
+    ("grains", "said"),
+    [(0.0488, "0.0293 and 0.0488 along z at b.tif"), (0.0300, ""), (0.0383, "")],
+)
+def test_walls_that_lack_what_grains_are_flattened(grains, said):
+    """Walls 100 voxels apart come nearer by 0.0293: 0.01 is a voxel, a tenth of 0.03 is less."""
+    places = [{"side": 1.0, "z_min": 0.0, "z_max": h * VOXEL} for h in (100.0, 97.07)]
+    found = [SimpleNamespace(numbers={"sample_strain_z": grains})]
+    told = about_walls(places, found, ["b.tif"], VOXEL)
+    assert len(told) == bool(said) and all(said in line for line in told)
+    # Far apart in voxels, and near to each other: a tenth of 0.0383 is 0.0038.
+    fine = about_walls(places, found, ["b.tif"], VOXEL / 100)
+    assert len(fine) == (abs(grains - 0.0293) > 0.1 * grains)
 
 
 def test_voxels_of_another_size_are_told(run, scans):
