@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from mufe_fenicsx.cli.main import main
-from mufe_fenicsx.geometry.image.label_files import write_labels
+from mufe_fenicsx.geometry.image.label_files import read_labels, write_labels
 from mufe_fenicsx.loading.measured import read_measured
 from mufe_fenicsx.loading.measured_paths import columns_of
 from mufe_fenicsx.peers.scans import compare_scans
@@ -31,6 +31,7 @@ def place(tmp_path_factory):
         labels = voxels_of(moment_at(run, 0.02 * k), (34, 34, 34), VOXEL)
         write_labels(folder / f"scan{k}.tif", labels, VOXEL)
     labels = labels.astype(np.int32)
+    np.savez(folder / "scan0.npz", labels=labels)
     write_labels(folder / "small.tif", labels[1:], VOXEL)
     write_labels(folder / "coarse.tif", labels, 2 * VOXEL)
     write_labels(folder / "empty.tif", 0 * labels, VOXEL)
@@ -80,9 +81,41 @@ def test_a_run_against_its_images(mufe, place):
     assert told["stages"] == "run-scans/stages.toml"
 
 
+def test_a_scan_mounted_anew_with_a_grain_lost(mufe, place, monkeypatch):
+    """Walls stand where they stood without the shift of 4 voxels, to 0.2: 0.1 a track.
+
+    The file of the later scan states no size of voxels: it has that of the first.
+    """
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **options: Path(path).touch())
+    images = [read_labels(place / f"scan{k}.tif")[0] for k in range(2)]
+    first, later = (np.pad(image, (0, 6)) for image in images)
+    later[later == 12] = 0
+    write_labels(place / "wide.tif", first, VOXEL)
+    moved = []
+    for name, image, options in (
+        ("fixed", later, ()),
+        ("free", np.roll(later, 4, axis=0), ()),
+        ("aligned", np.roll(later, 4, axis=0), ("--align",)),
+    ):
+        np.savez(place / f"{name}.npz", labels=image)
+        status, out, _ = mufe("compare", "run", "--labels", "wide.tif", f"{name}.npz", "-o", name,
+                              "--json", "b.json", *options)  # fmt: skip
+        assert status == 0 and "labels lost: 12\n" in out
+        assert "1 of 8 grains of the first scan are not found in " + f"{name}.npz" in out
+        told = json.loads((place / "b.json").read_text())
+        assert told["scans"][0]["lost_in_scan"] == [12]
+        assert any("--align" in line for line in told["notices"]) == (name == "free")
+        path = place / name / "motion.csv"
+        columns = read_measured(path, columns_of(Run(place / "run").container)).columns
+        moved.append(np.array([columns[w][1] - columns[w][0] for w in ("z_min", "z_max")]) / VOXEL)
+    assert moved[1] - moved[0] == pytest.approx([4, 4], abs=0.2)
+    assert moved[2] == pytest.approx(moved[0], abs=0.2)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
+        (("scan0.npz", "scan1.tif"), "voxel_size of scan0.npz is not stated, expected a length"),
         (("scan0.tif",), "1 of the labels given, expected two at least: before"),
         (("scan0.tif", "small.tif"), "labels small.tif have shape (33, 34, 34), expected (34,"),
         (
