@@ -23,7 +23,11 @@ SHOWN = (
     "mean_rotation_difference_deg", "mean_dice", "contacts_gained", "run_contacts_gained",
     "contacts_lost", "run_contacts_lost",
 )  # fmt: skip
-STRAINS = ("strain", "shortening", "run_shortening")
+#: Of these, numbers without a length that are rounded for it: 1e-15 is none.
+ROUNDED = (
+    "strain", "shortening", "run_shortening", "mean_difference_voxels",
+    "mean_rotation_difference_deg",
+)  # fmt: skip
 #: Options that take several values in a row.
 LISTS = ("--labels", "--tracks")
 
@@ -78,7 +82,7 @@ def compare(
         typer.Option("-o", "--output", metavar="DIR", help="Folder; default: RUN-scans."),
     ] = None,
     voxel_size: Annotated[
-        str | None, typer.Option(help='Of labels that do not state it, such as "5 um".')
+        str | None, typer.Option(help='Where labels do not state it, such as "5 um"; default: of the first.')
     ] = None,
     key: Annotated[
         str | None, typer.Option(help="Name of the labels in a .npz or .h5 file.")
@@ -113,10 +117,10 @@ def compare(
 
 
 def _shown(scan):
-    """What is printed of a scan: strains without rounding errors, angles in degrees."""
+    """What is printed of a scan: without rounding errors, angles in degrees."""
     angle = degrees(scan["mean_rotation_difference"])
     values = scan | {"mean_rotation_difference_deg": angle}
-    for name in STRAINS:
+    for name in ROUNDED:
         values[name] = round(values[name], 9)
     return {name: values[name] for name in SHOWN if name in values and not isnan(values[name])}
 
