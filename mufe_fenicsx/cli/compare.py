@@ -82,7 +82,8 @@ def compare(
         typer.Option("-o", "--output", metavar="DIR", help="Folder; default: RUN-scans."),
     ] = None,
     voxel_size: Annotated[
-        str | None, typer.Option(help='Where labels do not state it, such as "5 um"; default: of the first.')
+        str | None,
+        typer.Option(help='Where labels do not state it, such as "5 um"; default: of the first.'),
     ] = None,
     key: Annotated[
         str | None, typer.Option(help="Name of the labels in a .npz or .h5 file.")
