@@ -108,19 +108,33 @@ def compare_scans(
         shown = list(zip(names, found, images[1:] or [None] * num, strict=True))
         write_scans(folder, run, shown, size, about, view)
     return {
-        "output": str(output),
-        "table": str(Path(output) / TABLE),
-        "stages": str(Path(output) / STAGES),
-        "report": str(Path(output) / "report.html"),
+        **_files(output),
         "voxel_size": size,
-        "run_counts_from": "seated" if begin.seated else "meshed",
-        "overlap_meshed": begin.overlaps[0],
-        "overlap_seated": begin.overlaps[1],
-        "diameter_ratio": begin.diameter_ratio,
+        **_of_start(begin),
         "notices": notices,
         "warnings": warnings,
         "scans": [{"scan": n} | f.numbers for n, f in zip(names, found, strict=True)],
         "seconds": round(time.perf_counter() - start, 2),
+    }
+
+
+def _files(output):
+    """Paths of what is written, as texts."""
+    return {
+        "output": str(output),
+        "table": str(Path(output) / TABLE),
+        "stages": str(Path(output) / STAGES),
+        "report": str(Path(output) / "report.html"),
+    }
+
+
+def _of_start(begin):
+    """What is told of the start of the run."""
+    return {
+        "run_counts_from": "seated" if begin.seated else "meshed",
+        "overlap_meshed": begin.overlaps[0],
+        "overlap_seated": begin.overlaps[1],
+        "diameter_ratio": begin.diameter_ratio,
     }
 
 
