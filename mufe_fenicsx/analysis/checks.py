@@ -16,7 +16,6 @@ from mufe_fenicsx.analysis.contact_resolution import COARSE
 from mufe_fenicsx.analysis.evidence.mesh_errors import error_at, known_samples, mesh_errors
 from mufe_fenicsx.analysis.held import lack_of_stress
 from mufe_fenicsx.analysis.rows import (
-    broken_from,
     counted_rows,
     course,
     largest,
@@ -97,7 +96,7 @@ def check_run(history, mass=None, contacts=None, sample=None):
         List of Check: that of :func:`check_all` first, that of :func:`check_trust` next. Where
         grains broke and most of the load is lost, rows after the largest one are not judged.
     """
-    last = None if faults(history) else broken_from(history)
+    last = None if faults(history) else _broken_from(history)
     if last is not None:
         history = {name: values[: last + 1] for name, values in history.items()}
     kinetic, difference = quasi_static.judged(history, mass)
@@ -135,6 +134,17 @@ def check_run(history, mass=None, contacts=None, sample=None):
         broke += "not judged."
         verdict = replace(verdict, text=f"{verdict.text} {broke}")
     return [_staged(history, check) for check in (verdict, *found)]
+
+
+def _broken_from(history):
+    """Row of the largest load before grains that break lose most of it; None: they do not.
+
+    What follows it is a collapse in motion. Unloading on purpose loses nothing.
+    """
+    if tool_load(history) is not None or not np.any(history.get("broken_grains", 0)):
+        return None
+    lost = np.flatnonzero(stress_strain.lost_load(history) > TARGETS["load"])
+    return int(np.argmax(history["stress"][: lost[0]])) if lost.size else None
 
 
 def _staged(history, check):

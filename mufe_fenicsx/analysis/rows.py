@@ -105,19 +105,6 @@ def load(history):
     return 0.5 * (history["force_z_max"] + history["force_z_min"])
 
 
-def broken_from(history):
-    """Row of the largest load, after which grains that broke lost most of it; None: they did not.
-
-    What follows it is a collapse in motion.
-    """
-    broken = history.get("broken_grains")
-    if broken is None or not np.asarray(broken).any():
-        return None
-    force = np.where(counted_rows(history), load(history), -np.inf)
-    row = int(np.argmax(force))
-    return row if force[row:].min() < (1.0 - LOADED) * force[row] else None
-
-
 def counted_rows(history):
     """Rows that targets are about, boolean, shape (num_rows,).
 

@@ -67,7 +67,8 @@ def calibrate(paths, options, output, overwrite=False, progress=None):
             _crushed(folder, data, result)
         write_atomically(folder / TABLE, _as_csv(result["parameters"]))
         if result["material"]:
-            write_atomically(folder / "material.toml", result["material"])
+            notes = "".join(f"# {note}\n" for note in result["notes"])
+            write_atomically(folder / "material.toml", notes + result["material"])
     return result | {"output": Path(output)}
 
 
@@ -97,10 +98,8 @@ def _pressed(folder, data, options, result, progress):
     far, spoilt = own_mesh.how_far(fit, options.setup)
     said += far
     result["notes"] += said
-    unsure = [*sentences.reasons(fit, given, law), *filter(None, [sentences.misfit(fit)])]
-    unsure = given.E is None and (spoilt or bool(unsure))
-    block = sentences.material_block(fit, options.setup.nu, options.density, unsure)
-    result["material"] = "".join(f"# {each}\n" for each in said) + block
+    unsure = given.E is None and (spoilt or bool(sentences.doubts(fit, given, law)))
+    result["material"] = sentences.material_block(fit, options.setup.nu, options.density, unsure)
     offsets = [
         fit.value(f"offset {c.name}") if options.given.offset is None else options.given.offset
         for c in data.curves

@@ -15,7 +15,7 @@ BY_CURVES = 8
 
 
 def covariance_of(jacobian, residual, sizes, free):
-    """Covariance of the unknowns, degrees of freedom, and how neighbours stray together.
+    """Covariance of the unknowns, and degrees of freedom.
 
     Args:
         jacobian: Slopes of the residuals, shape (num_rows, num_unknowns).
@@ -25,7 +25,7 @@ def covariance_of(jacobian, residual, sizes, free):
 
     Returns:
         Covariance, 0 where not free, shape (num_unknowns, num_unknowns); degrees of freedom of
-        intervals; correlation of neighbours among the residuals of a curve.
+        intervals.
     """
     inverse = np.zeros((free.size, free.size))
     norm = np.linalg.norm(jacobian, axis=0)
@@ -33,7 +33,6 @@ def covariance_of(jacobian, residual, sizes, free):
     A = jacobian[:, free] / scale
     inverse[np.ix_(free, free)] = np.linalg.pinv(A.T @ A, rcond=1e-14) / np.outer(scale, scale)
     rows = np.split(np.arange(residual.size), np.cumsum(sizes)[:-1])
-    straying = _straying(residual, rows)
     spare = residual.size - int(free.sum())
     if len(rows) >= BY_CURVES:
         # Each curve draws the fit to itself: its residuals are those of a fit without it.
@@ -44,11 +43,12 @@ def covariance_of(jacobian, residual, sizes, free):
             score = jacobian[own].T @ residual[own]
             scores.append(np.linalg.lstsq(identity - drawn, score, rcond=1e-8)[0])
         meat = np.transpose(scores) @ scores * (len(rows) - 1) / len(rows)
-        return inverse @ meat @ inverse, len(rows) - 1, straying
+        return inverse @ meat @ inverse, len(rows) - 1
     # Neighbours that stray together are worth fewer points, as of an autoregression.
-    worth = (1 - min(max(straying, 0.0), 0.9)) / (1 + min(max(straying, 0.0), 0.9))
+    alike = min(max(_straying(residual, rows), 0.0), 0.9)
+    worth = (1 - alike) / (1 + alike)
     variance = float(residual @ residual) / spare
-    return inverse * variance / worth, max(int(spare * worth), 1), straying
+    return inverse * variance / worth, max(int(spare * worth), 1)
 
 
 def shift_of(jacobian, error, free):

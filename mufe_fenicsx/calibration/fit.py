@@ -64,7 +64,6 @@ class Fit:
     noise: float  #: the same by differences of neighbours, which no smooth misfit adds to
     strain: float  #: largest plastic strain that any grain reached
     yields: float  #: largest approach over that of first yield
-    straying: float  #: correlation of neighbours among the residuals
     held: list  #: names of unknowns at an end of what is sought, without an interval
     material: dict  #: E, yield, hardening [Pa], given or found
     others: list = field(default_factory=list)  #: materials that fit as well, as ``material``
@@ -299,7 +298,7 @@ def _solve(problem, x, bounds, most):
 
 def _result(problem, best):
     """A :class:`Fit` of the best unknowns, in SI units."""
-    covariance, freedom, straying = covariance_of(
+    covariance, freedom = covariance_of(
         best.jac, best.fun, [w.size for w in problem.weights], best.active_mask == 0
     )
     sure = best.active_mask == 0
@@ -332,7 +331,7 @@ def _result(problem, best):
     return Fit(
         problem.names, turn @ x, turn @ covariance @ turn.T, freedom, predicted,
         float(np.sqrt(np.mean(residual**2))), noise, float(np.interp(most, force, strain)),
-        float(np.interp(most, force, delta) / onset), straying,
+        float(np.interp(most, force, delta) / onset),
         [n for n, is_held in zip(problem.names, held, strict=True) if is_held],
         {"E": E, "yield": Y, "hardening": H},
     )  # fmt: skip

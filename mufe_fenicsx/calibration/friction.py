@@ -81,7 +81,7 @@ def fit_friction(curves):
          for x in starts), key=lambda b: b.cost,
     )  # fmt: skip
     sizes = [c.force.size for c in curves]
-    covariance, freedom, _ = covariance_of(best.jac, best.fun, sizes, best.active_mask == 0)
+    covariance, freedom = covariance_of(best.jac, best.fun, sizes, best.active_mask == 0)
     half = student.ppf(0.975, freedom) * math.sqrt(covariance[0, 0])
     mu, stiffness, offset = parts(best.x)
     ways = [2 * k * (c.displacement.max() - o) / (3 * mu * c.normal.mean())

@@ -108,13 +108,18 @@ def misfit(fit):
     )
 
 
+def doubts(fit, given, law=None):
+    """Sentences for which a sought modulus is no result; arguments as of :func:`reasons`."""
+    return [*reasons(fit, given, law), *filter(None, [misfit(fit)])]
+
+
 def limits_of(fit, given, law=None):
     """Sentences on what the curves do not determine; arguments as of :func:`reasons`."""
     said = [
         f"{name} = {with_unit(fit.value(name), UNITS[name.partition(' ')[0]])} is an end of what "
         "is sought: the curves do not determine it." for name in fit.held if name != "E"
     ]  # fmt: skip
-    said += [*reasons(fit, given, law), *filter(None, [misfit(fit)])]
+    said += doubts(fit, given, law)
     if law and not law.agrees and given.E is not None:
         said.append(_other_law(law))
     if not yielded(fit):

@@ -87,11 +87,15 @@ def calibrate(
     if not sought and given.compliance < 0.0:
         raise InputError(f"--compliance {compliance}, expected 0 or more")
     shape = shape_of_runs(run) if run else None
-    if shape and (sought or test != "platens" or shape.nu != nu):
+    if shape and sought:
         raise InputError(
-            f"--compliance {compliance}, --test {test}, --nu {nu:g}, expected with --run the "
-            f"compliance that was measured, platens and {shape.nu:g}, that of the run"
+            f"--compliance {compliance}, expected with --run that of the machine as it was "
+            'measured, such as "0.05 um/N"'
         )
+    if shape and test != "platens":
+        raise InputError(f"--test {test}, expected platens with --run")
+    if shape and shape.nu != nu:
+        raise InputError(f"--nu {nu:g}, expected with --run {shape.nu:g}, that of the run")
     setup = Setup(nu, test, _platen(platen), shape)
     options = Options(setup, given, _usual("--density", density, "kg/m^3"), _size(diameter))
     with progress_bar("calibrating") as progress:
@@ -109,8 +113,7 @@ def _print(printer, result):
     printer.table(["parameter", ">value", ">95 %, from", ">to"], rows)
     printer.say(*result["notes"])
     if result["material"]:
-        lines = result["material"].strip().splitlines()
-        printer.say("", *(each for each in lines if each[0:1] != "#" or each.startswith("# E")), "")
+        printer.say("", *result["material"].strip().splitlines(), "")
     printer.say(f"tables and figures: {result['output']}")
 
 

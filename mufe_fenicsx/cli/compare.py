@@ -10,9 +10,8 @@ from typing import Annotated
 import typer
 from typer.core import TyperCommand
 
-from ..errors import InputError
 from .app import Json, Overwrite, app, serial_only
-from .arguments import ratio, voxel_edges
+from .arguments import ratio, voxel_edges, whole_numbers
 from .terminal import Printer, progress_bar
 
 #: What is printed of each scan; the report and JSON have all.
@@ -94,7 +93,8 @@ def compare(
     """Track grains through scans and hold a run against them: motions, strains, contacts."""
     serial_only("compare")
     printer = Printer(json)
-    strains, shown = _strains(strain), _numbers(grains)
+    strains = _strains(strain)
+    shown = () if grains is None else whole_numbers("--grains", grains, "such as 3,12")
     size = voxel_edges(voxel_size)
     output = Path(f"{run.resolve().name}-scans") if output is None else output
     with progress_bar("tracking") as progress:
@@ -130,12 +130,3 @@ def _strains(text):
     """Numbers of a text with commas; () where there is none."""
     parts = [] if text is None else text.split(",")
     return tuple(ratio("--strain", part.strip()) for part in parts)
-
-
-def _numbers(text):
-    """Numbers of grains of a text with commas; () where there is none."""
-    parts = [] if text is None else [part.strip() for part in text.split(",")]
-    for part in parts:
-        if not (part.isascii() and part.isdigit()):
-            raise InputError(f'--grains = "{text}", expected numbers of grains, such as 3,12')
-    return tuple(int(part) for part in parts)

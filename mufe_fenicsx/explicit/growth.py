@@ -98,11 +98,11 @@ def carry_over(old, new):
     sp.mirrors.project(sp.f)
     new.state.a[changed] = sp.f[changed] / new.solid.mass[changed, None]
 
-    parted = _energies(new)
-    sp.first_energies += (parted - before)[1:]
+    apart = _energies(new)
+    sp.first_energies += (apart - before)[1:]
     _meet_anew(new, _came_loose(new.mesh, old.mesh), _faces_let_go(new))
     # What terms hand to contact there stays in the balance.
-    sp.parted -= (parted - before)[0] + (_energies(new) - parted).sum()
+    sp.parted -= (apart - before)[0] + (_energies(new) - apart).sum()
     old.contact.destroy()
     old.stable.destroy()
 

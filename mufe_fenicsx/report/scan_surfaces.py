@@ -13,6 +13,7 @@ import pyvista
 from mufe_fenicsx.container import CYLINDER, WALLS
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.form.shape import label_surface
+from mufe_fenicsx.geometry.image.labels import grains_in
 from mufe_fenicsx.machine.files import own_folder
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.packing import GRID_STEPS, Packer, to_bytes, to_grid
@@ -69,13 +70,11 @@ def stage_of(name, moment, labels, label_of, voxel_size, shift=(0.0, 0.0, 0.0)):
     Returns:
         :class:`Stage`.
     """
-    pairs = {}
+    pairs, boxes = {}, dict(grains_in(labels))
     for grain, label in label_of.items():
-        where = np.argwhere(labels == label) if label else ()
-        if len(where) == 0:
+        if label not in boxes:
             continue
-        box = tuple(slice(a, b + 1) for a, b in zip(where.min(0), where.max(0), strict=True))
-        points, triangles, _ = label_surface(labels, label, box, voxel_size)
+        points, triangles, _ = label_surface(labels, label, boxes[label], voxel_size)
         faces, _ = boundary_faces(moment.state.cells[moment.state.grain == grain])
         nodes, own = np.unique(faces, return_inverse=True)
         run = pyvista.PolyData.from_regular_faces(

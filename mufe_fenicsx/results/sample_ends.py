@@ -8,9 +8,8 @@ E* = E/(1 - ν²)
 
     δ = (3 F / (4 E* √R))^(2/3).
 
-Where few grains lie between walls it is much of what these move by: 2.3 grains high, walls' strain
-was 0.029 for 0.05, that of centres of grains 0.049. `peers.scan_doubts.about_walls` holds both
-beside each other.
+Where few grains lie between walls it is much of what these move by. `peers.scan_doubts.about_walls`
+holds strains of walls and of centres of grains beside each other.
 
 Other ways are less exact. Ends of labels are known to a voxel. A linear field of displacements,
 taken to the walls, counts the middle of the sample more than its ends, where grains turn to lie

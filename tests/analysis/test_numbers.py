@@ -135,6 +135,15 @@ def test_what_follows_the_largest_load_of_grains_that_break_is_not_judged():
     found = {c.name: c for c in checks.check_run(h)}
     assert found["load"].passed and found["kinetic"].passed and found["trusted"].passed
     assert f"under the largest load, at strain {h['strain'][most]:.4f}" in found["all"].text
+    # One that chipped before it is unloaded on purpose is judged to its end.
+    unloaded = fake_history(101)
+    back = np.flatnonzero(unloaded["strain"] > 0.05)
+    unloaded["strain"][back] = 0.1 - unloaded["strain"][back]
+    for name in ("stress", "force_z_min", "force_z_max"):
+        unloaded[name][back] *= np.linspace(1.0, 0.2, back.size)
+    unloaded["broken_grains"] = np.ones(unloaded["strain"].size, int)
+    (verdict, *_) = checks.check_run(unloaded)
+    assert "Grains break" not in verdict.text
     # The same motion without a piece is a collapse, and a fault of the table stays one.
     h["broken_grains"][:] = 0
     found = {c.name: c for c in checks.check_run(h)}

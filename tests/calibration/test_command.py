@@ -190,7 +190,7 @@ def test_a_run_s_own_forces_give_its_material_back(tmp_path):
     given = f"--diameter 0.8mm --nu {material.nu} --platen rigid".split()
     given = [tmp_path / "data.csv", *given, "--run", tmp_path / "run", "-o", tmp_path / "out"]
     status, lines = run_mufe("calibrate", *given)
-    assert status == 2 and "expected with --run the compliance that was measured" in lines[0]
+    assert status == 2 and "expected with --run that of the machine" in lines[0]
     run_mufe("calibrate", *given, "--compliance", "0 m/N", "--json", tmp_path / "found.json")
     written = json.loads((tmp_path / "found.json").read_text())
     found = {row["name"]: row for row in written["parameters"]}

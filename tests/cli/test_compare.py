@@ -141,7 +141,10 @@ def test_a_scan_mounted_anew_with_a_grain_lost(mufe, place, monkeypatch):
             ("scan0.tif", "scan1.tif", "--grains", "3,12"),
             "grain 3 is not compared, expected one of",
         ),
-        (("scan0.tif", "scan1.tif", "--grains", "a"), '--grains = "a", expected numbers of grains'),
+        (
+            ("scan0.tif", "scan1.tif", "--grains", "a"),
+            '--grains = "a", expected whole numbers such as 3,12',
+        ),
         (("scan0.tif", "scan1.tif", "--strain", "a"), '--strain = "a", expected a number'),
     ],
 )

@@ -123,7 +123,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   s->gap = g;
 
   const int can_jump = s->num_around > 0 || s->within;
-  const double moved = bound - m->next_check[p];
+  const double moved = c->steepest * (bound - m->next_check[p]); /* of the gap, at most */
   if (!s->closed) {
     /* The offset of a pair that moves out follows it, and never grows again. */
     if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);

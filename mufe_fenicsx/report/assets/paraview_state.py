@@ -115,14 +115,20 @@ def show_stress(run_folder):
     return layout
 
 
-def show_contacts(run_folder):
-    """Fields and contacts through time."""
-    layout = simple.CreateLayout("Contacts")
-    view = new_view("contacts: width and colour by normal force")
+def show_fields(run_folder, name, title, source):
+    """A layout with one view of the fields through time: both, and what shows them."""
+    layout = simple.CreateLayout(name)
+    view = new_view(title)
     simple.AssignViewToLayout(view=view, layout=layout, hint=0)
     fields = open_series(run_folder, "fields/states.vtkhdf.series", simple.VTKHDFReader)
-    simple.RenameSource("fields", fields)
-    shown = simple.Show(deformed_surface(fields), view)
+    simple.RenameSource(source, fields)
+    return layout, view, simple.Show(deformed_surface(fields), view)
+
+
+def show_contacts(run_folder):
+    """Fields and contacts through time."""
+    title = "contacts: width and colour by normal force"
+    layout, view, shown = show_fields(run_folder, "Contacts", title, "fields")
     simple.ColorBy(shown, ("CELLS", "grain"))
     shown.Opacity = 0.12
     shown.SetScalarBarVisibility(view, False)
@@ -148,12 +154,8 @@ def show_contacts(run_folder):
 
 def show_fragments(run_folder):
     """Pieces of broken grains through time."""
-    layout = simple.CreateLayout("Fragments")
-    view = new_view("fragments of broken grains")
-    simple.AssignViewToLayout(view=view, layout=layout, hint=0)
-    fields = open_series(run_folder, "fields/states.vtkhdf.series", simple.VTKHDFReader)
-    simple.RenameSource("pieces", fields)
-    shown = simple.Show(deformed_surface(fields), view)
+    title = "fragments of broken grains"
+    layout, view, shown = show_fields(run_folder, "Fragments", title, "pieces")
     array = ("CELLS", "fragment")
     colour(shown, array, "Fragment, 0: the largest", SETTINGS["fragments"], view, True)
     look(view)
