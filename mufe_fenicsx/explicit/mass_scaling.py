@@ -22,6 +22,10 @@ its own, or over that of a mean grain if it is lighter. For a shaving, which the
 cuts off, bears forces like its neighbours: what its inertia adds is measured by theirs. t is the
 longest step that meets both, or the one asked for if that is shorter.
 
+Where grains break, springs of cracks shorten the step to a fourth. What was added before for a longer
+one would be of no use then: nothing is added at the start, t is the step of the worst element of
+then at most, and each addition takes half of what is left at most, for there are further cracks.
+
 Added mass never goes away. Where mass is added later to nodes that move, they keep their
 velocities; the kinetic energy that this takes is booked as negative damping.
 
@@ -56,6 +60,7 @@ class MassScaling(Stateful):
     Args:
         solid: :class:`~mufe_fenicsx.bulk.solid.Solid`, its masses those of the material.
         settings: :class:`~mufe_fenicsx.scene.MassScaling`.
+        hold: Whether mass is left for what shortens the step later, as cracks do.
     """
 
     STATE = {
@@ -65,8 +70,8 @@ class MassScaling(Stateful):
     }
     SHARED = ("added_to_node",)
 
-    def __init__(self, solid, settings):
-        self.solid, self.mesh, self.settings = solid, solid.mesh, settings
+    def __init__(self, solid, settings, hold=False):
+        self.solid, self.mesh, self.settings, self.hold = solid, solid.mesh, settings, hold
         self.comm = solid.mesh.comm
         mesh = self.mesh
         self.first_mass = solid.mass.copy()  #: of the nodes, without additions [kg]
@@ -126,11 +131,19 @@ class MassScaling(Stateful):
         held = stiffness > 0.0
         nodes, stiffness = nodes[held], stiffness[held]
         of_springs = np.sqrt(2.0 * self.first_mass[nodes] / stiffness) / ASSEMBLED
-        low = min(own.min(initial=math.inf), of_springs.min(initial=math.inf))
-        low = self.comm.allreduce(float(low), op=MPI.MIN)
+        worst, low = (
+            self.comm.allreduce(float(steps.min(initial=math.inf)), op=MPI.MIN)
+            for steps in (own, np.append(own, of_springs))
+        )
         high = self.comm.allreduce(float(own.max(initial=0.0)), op=MPI.MAX)
         if s.time_step is not None:
             high = min(high, s.time_step)
+        most = s.added
+        if self.hold:
+            if not self.wanted:
+                self.wanted = worst if s.time_step is None else s.time_step
+                return False
+            high, most = min(high, self.wanted), 0.5 * (s.added + self.shares()[0])
         if not 0.0 < low < high:
             return False
 
@@ -150,7 +163,7 @@ class MassScaling(Stateful):
 
         def allowed(step):
             share, largest = self._shares(*at(step))
-            return share <= s.added and largest <= s.added_to_grain
+            return share <= most and largest <= s.added_to_grain
 
         if not allowed(high):
             while high > (1.0 + RESOLVED) * low:
@@ -162,7 +175,9 @@ class MassScaling(Stateful):
         added, to_nodes = at(high)
         more = (added > before).any() or (to_nodes > self.added_to_node).any()
         changed = self.comm.allreduce(bool(more), op=MPI.LOR)
-        self.added, self.added_to_node, self.wanted = added, to_nodes, high
+        self.added, self.added_to_node = added, to_nodes
+        if not self.hold:
+            self.wanted = high
         self.set_masses()
         return changed
 

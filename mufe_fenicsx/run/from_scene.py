@@ -284,6 +284,7 @@ def make_simulation(scene, prepared, shorter=1.0):
         "assembled": solver.time_step == "assembled",
         "time_step_factor": solver.time_step_factor * shorter,
         "mass_scaling": scene.mass_scaling,
+        "hold_step": scene.fracture is not None,
     }
     if solver.integrator != "explicit":
         # A tenth of a second that others need not wait.

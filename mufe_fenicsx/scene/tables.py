@@ -296,8 +296,10 @@ class MassScaling:
         gt=0, le=1,
     )  # fmt: skip
     time_step: float | None = setting(
-        None, "s", "of a single element, wanted; None: what is allowed", gt=0
-    )
+        None, "s",
+        "of a single element, wanted; None: what is allowed, with [fracture] that of the start",
+        gt=0,
+    )  # fmt: skip
 
     def __post_init__(self):
         check_keys(self)

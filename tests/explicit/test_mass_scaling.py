@@ -72,10 +72,16 @@ def held_blocks(**options):
 
 
 @pytest.mark.mpi
-def test_springs_of_contact_are_bounded_node_by_node():
-    """Highest frequency of all springs: below the bound, and not far (corners meet three walls)."""
+@pytest.mark.parametrize("across", [1.0, 4.0])
+def test_springs_are_bounded_node_by_node(across):
+    """Highest frequency of all springs: below the bound, and not far (corners meet three walls).
+
+    Those of cracks are stiffer across than along their normal, by the square of the shear ratio.
+    """
     s = held_blocks()
     springs = list_springs(s.contact, s.contact.edge)
+    for listed in springs.lists:
+        listed.kt[:] *= across
     bound = springs.bounds(s.mesh.num_nodes) / s.solid.mass
     largest = s.comm.allreduce(float(bound.max(initial=0.0)), op=MPI.MAX)
     rate = HighestFrequency(s.comm, s.solid.mass, s.mesh.x, springs.add)()
@@ -95,6 +101,29 @@ def test_nodes_that_walls_hold_get_the_mass_that_their_springs_want():
     more = scaling.added_to_node[nodes][held] > 0
     assert np.allclose(steps[more], step, rtol=1e-9)
     assert scaling.shares()[0] <= 0.05
+
+
+@pytest.mark.mpi
+def test_mass_is_kept_for_what_comes_later():
+    """None at the start; then up to the step of the worst element, half of what is left each time.
+
+    Springs of 1e4 times their stiffness want more than there is, of twice theirs no more than that.
+    """
+    s = held_blocks(mass_scaling=MassScaling(0.1, 1.0), hold_step=True)
+    scaling, nodes = s.scaling, np.arange(s.mesh.num_nodes)
+    bounds = list_springs(s.contact, s.contact.edge).bounds(s.mesh.num_nodes)
+    assert scaling.shares()[0] == 0.0
+    worst = s.comm.allreduce(s.solid.element_time_step(s.mesh.x), op=MPI.MIN)
+    assert scaling.wanted == pytest.approx(worst, rel=1e-12)
+    for left in (0.05, 0.025, 0.0125):
+        assert scaling.adjust(s.mesh.x, (nodes, 1e4 * bounds))
+        share = scaling.shares()[0]
+        assert 0.1 - left - 100 * RESOLVED < share <= 0.1 - left
+    light = held_blocks(mass_scaling=MassScaling(0.1, 1.0), hold_step=True).scaling
+    stiff = 2.0 * light.first_mass / (ASSEMBLED * 0.99 * worst) ** 2
+    assert light.adjust(s.mesh.x, (nodes, stiff))
+    steps = np.sqrt(2 * light.solid.mass / stiff)
+    assert steps == pytest.approx(ASSEMBLED * worst, rel=1e-9)
 
 
 def test_the_reported_gain_is_the_stable_limit():

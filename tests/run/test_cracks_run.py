@@ -33,7 +33,16 @@ from mufe_fenicsx.report.style import number
 from mufe_fenicsx.results import Run
 from mufe_fenicsx.run.recorder import Recorder
 from mufe_fenicsx.run.run import run_scene
-from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver, load_scene, scene_to_toml
+from mufe_fenicsx.scene import (
+    Contact,
+    MassScaling,
+    Oedometer,
+    Output,
+    Scene,
+    Solver,
+    load_scene,
+    scene_to_toml,
+)
 from mufe_fenicsx.verification.case import on_first_ranks
 from tests.bodies import RADIUS, packed_grains
 from tests.checkpoints import arrays
@@ -76,6 +85,15 @@ def test_a_resumed_run_breaks_on_with_the_same_bytes(broken):
     edges = [read_run_json(broken / name)["edges_per_diameter"] for name in ("whole", "parts")]
     assert edges[0] == edges[1]  # of the first mesh
     assert arrays(broken / "whole") == arrays(broken / "parts")
+
+
+@pytest.mark.mpi
+def test_mass_is_left_for_cracks(broken):
+    scene = replace(SCENE, mass_scaling=MassScaling(0.2))
+    run(broken, "scaled", scene)
+    history = read_history(broken / "scaled" / "history.csv")
+    whole = history["num_opened"] == 0
+    assert (history["added_mass"][whole] == 0.0).all() and history["added_mass"][-1] > 0.0
 
 
 @pytest.mark.mpi

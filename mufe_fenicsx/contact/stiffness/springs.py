@@ -73,7 +73,7 @@ class Springs:
         at_nodes[:, 0] = 0.0
         for listed in self.lists:
             part = np.abs(listed.share)
-            part *= listed.kn[:, None] * part.sum(axis=1, keepdims=True)
+            part *= np.maximum(listed.kn, listed.kt)[:, None] * part.sum(axis=1, keepdims=True)
             at_nodes[:, 0] += np.bincount(listed.nodes.ravel(), part.ravel(), len(at_nodes))
         self.forces.add_back()
         bounds = np.zeros(num_nodes)

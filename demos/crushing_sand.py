@@ -1,0 +1,117 @@
+"""When does sand yield? An oedometer test of grains that break, its void ratio beside the load.
+
+Spheres whose strengths scatter from grain to grain are packed and compressed. Sand yields where its
+grains begin to break; beyond, the void ratio e falls along a line (de Bono & McDowell 2018)
+
+    log e = const - log(σ) / (2 b),  b = 3/m,
+
+where a grain of diameter d is as strong as d^(-b), m of Weibull's law. The grains are of 0.7 mm, as
+coarse Ottawa sand. Half an hour to an hour of a processor; the same command goes on with a run that
+was stopped.
+"""
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+import mufe_fenicsx as mufe  # first: one BLAS thread, the wheel's MPI
+
+# isort: split
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from mpi4py import MPI
+
+SCENE = """
+title = "Sand whose grains break"
+[sample]
+grains = "grains"
+[material]
+model = "elastic"
+E = "70 GPa"
+nu = 0.17
+rho = "2650 kg/m^3"
+[fracture]
+strength = "{strength} MPa"
+energy = "10 J/m^2"
+friction = 0.6
+modulus = {modulus}
+scatter = "grain"
+reference_volume = "0.19 mm^3"
+seed = {seed}
+lower_strength = true
+[contact]
+friction = 0.4
+wall_friction = 0.0
+[solver]
+damping = "20 ms^-1"
+[loading]
+speed = "{speed} m/s"
+ramp = 0.0005
+tolerance = 0.03
+[mass_scaling]
+added = 0.2
+[output]
+fields = 6
+history = 400
+[[stage]]
+name = "seating"
+zero = true
+xyz = {{ stress = "1 MPa", speed = "2 m/s" }}
+[[stage]]
+name = "compression"
+z = {{ speed = "{speed} m/s" }}
+xy = {{ strain = 0.0 }}
+until = {{ stress_z = "{stress} MPa", strain_z = {strain} }}
+"""
+
+
+def pack(folder, given):
+    """Pack and mesh spheres, unless it is done."""
+    if not (folder / "grains").is_dir():
+        words = ["--spheres", "--count", given.count, "--d50", "0.7 mm", "--uniformity", 1.2,
+                 "--friction", 0.4, "--seed", given.seed, "--element-size",
+                 f"{0.7 / given.edges} mm", "-o", folder, "--overwrite"]  # fmt: skip
+        done = subprocess.run([sys.executable, "-m", "mufe_fenicsx", "pack", *map(str, words)])
+        if done.returncode:  # it has said why, in a line
+            sys.exit(done.returncode)
+
+
+def yield_point(stress, void_ratio):
+    """Stress and slope -d log e / d log σ of the line beyond the sharpest bend of the curve.
+
+    Two lines through log e over log σ, the first and the last points, that fit best together.
+    """
+    x, y = np.log(stress), np.log(void_ratio)
+    fits = []
+    for split in range(len(x) // 4, len(x) - len(x) // 8):
+        lines = [np.polyfit(x[part], y[part], 1) for part in (slice(split), slice(split, None))]
+        misses = [y[:split] - np.polyval(lines[0], x[:split]),
+                  y[split:] - np.polyval(lines[1], x[split:])]  # fmt: skip
+        fits.append((sum(np.sum(miss**2) for miss in misses), lines))
+    (first, offset), (last, end) = min(fits, key=lambda fit: fit[0])[1]
+    return np.exp((end - offset) / (first - last)), -last
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        description=__doc__.partition("\n\n")[0],
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    parser.add_argument("folder", type=Path, help="folder of the packing and the run")
+    parser.add_argument("--count", type=int, default=200, help="number of grains")
+    parser.add_argument("--edges", type=float, default=6.5, help="edges a diameter")
+    parser.add_argument("--strength", type=float, default=30.0, help="of facets [MPa]")
+    parser.add_argument("--modulus", type=float, default=5.0, help="m of Weibull's law")
+    parser.add_argument("--stress", type=float, default=50.0, help="largest stress [MPa]")
+    parser.add_argument("--strain", type=float, default=0.2, help="largest strain")
+    parser.add_argument("--speed", type=float, default=1.0, help="of a pair of walls [m/s]")
+    parser.add_argument("--seed", type=int, default=1, help="of packing and strengths")
+    parser.add_argument("--figure", help="file that a figure is saved to")
+    given = parser.parse_args()
+
+    pack(given.folder, given)
+    (given.folder / "crushing.toml").write_text(SCENE.format(**vars(given)), encoding="utf-8")
