@@ -56,7 +56,7 @@ tolerance = 0.03
 added = 0.2
 [output]
 fields = 6
-history = 400
+history = 200
 [[stage]]
 name = "seating"
 zero = true

@@ -66,8 +66,7 @@ class PresentStage(Stateful):
     @property
     def ends_itself(self):
         """Whether it ends when all is there: nothing else, as a value of `until`, ends it."""
-        at_speed = any(task.at_speed for task in self.all_tasks)
-        return self.ends or not (self.stage.until is not None or at_speed)
+        return self.ends or self.stage.until is None
 
     @property
     def has_servo(self):

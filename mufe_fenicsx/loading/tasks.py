@@ -246,7 +246,12 @@ class Travel(Task):
     first: float  #: length at the start [m]
     speed: float  #: of the length, at most [m/s]
 
-    goes = ends = True
+    goes = leads = True
+
+    @property
+    def ends(self):
+        """Whether there is a way to go: what is there already ends nothing that others do."""
+        return self.path.way > EXACT * self.first
 
     def furthest(self, s, now, pace):
         """As far as the speed lets it, which falls with the root of what is left at the end."""
