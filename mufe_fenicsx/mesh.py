@@ -461,7 +461,9 @@ class GrainMesh:
         """
         one, other = cells[opened[:, :2]].transpose(1, 0, 2)
         apart = (one[:, :, None] == other[:, None, :]).sum(axis=(1, 2)) != 3
-        return np.union1d(self.side_of_facet, self.sides_between(opened[apart, :2]))
+        sides = self.sides_between(opened[apart, :2])
+        new = np.unique(sides[rows_of(self.side_of_facet, sides) < 0])
+        return np.sort(np.append(self.side_of_facet, new))
 
 
 def create_grain_mesh(

@@ -17,6 +17,7 @@ from .start.checks import check_stiffness, check_surface, check_walls
 from .start.overlap import Overlaps
 from .stiffness.layers import SurfaceLayers
 from .surface.ghosts import Ghosts
+from .surface.grown import GrownSurface
 from .surface.points import RECESS
 from .surface.surface import own_surface
 
@@ -56,13 +57,17 @@ class Contact(Stateful):
 
     def __init__(self, mesh, x, walls, grains, settings, before=None):
         self.comm, self.walls, self.self_contact = mesh.comm, walls, settings.self_contact
-        self.own = own = own_surface(mesh, x, nodes_on_mirrors(x, walls.walls), walls.normal)
+        mirrors, grown = (nodes_on_mirrors(x, walls.walls), walls.normal), None
         if before is None:
+            self.own = own = own_surface(mesh, x, *mirrors)
             check_surface(mesh, own)
             check_stiffness(mesh, grains.modulus)
+        else:  # layers of kinematic contact change with all masses
+            grown = GrownSurface(mesh, x, *mirrors, before.own, settings.kinematic)
+            self.own = own = grown.own
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
-        known = None if before is None else before.layers.on(mesh, own, before.own)
-        self.layers = SurfaceLayers(mesh, own, x, grains, settings, known)
+        grown = grown and (grown, before.layers)
+        self.layers = SurfaceLayers(mesh, own, x, grains, settings, grown)
         self.points = self.layers.points
         #: The first of the bodies that are tools; None: there are none.
         self.first_tool = mesh.first_tool if mesh.tools else None

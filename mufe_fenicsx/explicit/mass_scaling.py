@@ -22,9 +22,10 @@ its own, or over that of a mean grain if it is lighter. For a shaving, which the
 cuts off, bears forces like its neighbours: what its inertia adds is measured by theirs. t is the
 longest step that meets both, or the one asked for if that is shorter.
 
-Where grains break, springs of cracks shorten the step to a fourth. What was added before for a longer
-one would be of no use then: nothing is added at the start, t is the step of the worst element of
-then at most, and each addition takes half of what is left at most, for there are further cracks.
+Where grains break, springs of cracks shorten the step to a fourth. What was added before for a
+longer one would be of no use then: nothing is added at the start, t is the step of the worst
+element of then at most, and each addition takes half of what is left at most, for there are further
+cracks.
 
 Added mass never goes away. Where mass is added later to nodes that move, they keep their
 velocities; the kinetic energy that this takes is booked as negative damping.

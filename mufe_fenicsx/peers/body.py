@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..contact.surface.surface import neighbours, rings
 from ..geometry.form.shape import inertia_of, principal, tet_moments
 from ..geometry.measure import boundary_triangles, compact
+from ..kernels.geometry.rings import neighbours, rings
 from ..kernels.geometry.signed_distance import find_signed_distances
 
 
@@ -50,7 +50,8 @@ class Body:
         corner = self.points[facets]
         centre = corner.mean(axis=1)
         radius = np.linalg.norm(corner - centre[:, None], axis=2).max(axis=1)
-        return facets, neighbours(facets), *rings(facets, len(self.points)), centre, radius
+        ring = rings(facets, len(self.points))
+        return facets, neighbours(facets, *ring), *ring, centre, radius
 
 
 def bodies_of(grains):

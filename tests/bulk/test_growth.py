@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+import mufe_fenicsx.contact.contact as contact_module
 import mufe_fenicsx.mesh as mesh_module
 from mufe_fenicsx.bulk.far_nodes import names_of_nodes
 from mufe_fenicsx.bulk.tools import Tool
 from mufe_fenicsx.contact.snapshot import Rows, contact_tables
+from mufe_fenicsx.contact.surface.grown import GrownSurface
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.explicit.simulation import Simulation
@@ -161,6 +163,37 @@ def test_nodes_part_as_a_walk_around_them_says():
 
 
 @pytest.mark.mpi
+def test_grains_that_stay_keep_their_surface(monkeypatch):
+    """Blocks of rows of before, and blocks made anew: to the last bit as all of it made anew."""
+    far = [(CUBE[0] + [0.0, 0.0, 1.1 * k * SIDE], CUBE[1]) for k in range(3)]
+    ball = sphere(0.4 * SIDE, 0.2 * SIDE)
+    bodies = [*far, (ball[0] + [3 * SIDE, 0.0, 0.0], ball[1])]
+    found = []
+    for everything in (False, True):
+        if everything:
+            monkeypatch.setattr(
+                contact_module, "GrownSurface", lambda *given: GrownSurface(*given[:-1], True)
+            )
+        s = build(ALONE, bodies, ELASTIC, -SIDE * np.ones(3), 5 * SIDE * np.ones(3))
+        for label, every in ((1, 3), (2, 1), (1, 1)):
+            s.grow(between(s.mesh, middle, label)[::every])
+        assert s.mesh.version > 1 and s.mesh.num_pieces.tolist() == [2, 2, 1, 1]
+        layers, smooth = s.contact.layers, s.contact.layers.smooth
+        parts = s.contact.own, layers.points, smooth, layers
+        found.append(
+            {
+                (type(part).__name__, name): value
+                for part in parts
+                for name, value in vars(part).items()
+                if isinstance(value, np.ndarray)
+            }
+        )
+    some, whole = found
+    assert some.keys() == whole.keys() and len(some) > 40
+    for name, values in whole.items():
+        assert some[name].dtype == values.dtype and np.array_equal(some[name], values), name
+
+
 @pytest.mark.parametrize("element", ["averaged", "p1"])
 def test_what_a_growth_leaves_is_what_the_grown_mesh_has_anew(element):
     """To the last bit, of balls whose facets open by chance and a cube that is cut along a wave."""

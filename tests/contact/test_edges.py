@@ -11,7 +11,6 @@ from mpi4py import MPI
 
 from mufe_fenicsx.bulk.solid import Solid
 from mufe_fenicsx.contact.pairs.table import RowTable
-from mufe_fenicsx.contact.surface.surface import neighbours
 from mufe_fenicsx.explicit.simulation import Simulation
 from mufe_fenicsx.kernels.build.pair_rows import EDGE_PAIR
 from mufe_fenicsx.kernels.contact.edge_search import (
@@ -22,6 +21,7 @@ from mufe_fenicsx.kernels.contact.edge_search import (
     sort_edges_into_cells,
 )
 from mufe_fenicsx.kernels.contact.edges import EdgeForces, edge_energy
+from mufe_fenicsx.kernels.geometry.rings import neighbours, rings
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.verification.sliding_normal import ridge
@@ -66,8 +66,9 @@ def test_sharp_edges_of_a_tetrahedron_and_none_of_what_is_flat_or_concave():
         # Turned inside out all its edges are concave; normals differ by 109.5 degrees.
         facets = TET[:, ::sign].copy()
         cosine = np.cos(np.radians(angle))
-        sharp = sharp_edges(x, facets, neighbours(facets), cosine)
-        ends, beyond, sides, key = list_sharp_edges(facets, neighbours(facets), numbers, sharp)
+        across = neighbours(facets, *rings(facets, len(x)))
+        sharp = sharp_edges(x, facets, across, cosine)
+        ends, beyond, sides, key = list_sharp_edges(facets, across, numbers, sharp)
         assert len(ends) == expected and np.unique(key).size == expected
         for e, o, f in zip(ends, beyond, sides, strict=True):
             assert {*e, *o} == {0, 1, 2, 3}

@@ -15,7 +15,6 @@ from mpi4py import MPI
 from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.bulk.solid import ELEMENTS, Solid, von_mises
-from mufe_fenicsx.contact.surface.surface import neighbours, rings
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.kernels.build import native
@@ -24,6 +23,7 @@ from mufe_fenicsx.kernels.bulk import solid as kernels
 from mufe_fenicsx.kernels.bulk.hardening import plastic_increment, yield_stress_at
 from mufe_fenicsx.kernels.contact.search import find_candidates, sort_into_cells
 from mufe_fenicsx.kernels.geometry.closest import closest_point, pseudo_normal
+from mufe_fenicsx.kernels.geometry.rings import neighbours, nodes_around, rings
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.mesh import create_grain_mesh
@@ -348,12 +348,34 @@ def _used(points, cells):
     return points[nodes], cells.reshape(-1, 4)
 
 
+def test_what_is_around_nodes_and_across_edges():
+    """By brute force on an octahedron whose last facet is missing."""
+    facets = np.array(
+        [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5]], np.int32
+    )
+    offset, ring = rings(facets, 6)
+    for n in range(6):
+        around = np.flatnonzero((facets == n).any(axis=1))
+        assert ring[offset[n] : offset[n + 1]].tolist() == around.tolist()
+    across = neighbours(facets, offset, ring)
+    edges = [[(f[i], f[(i + 1) % 3]) for i in range(3)] for f in facets.tolist()]
+    for f, i in np.ndindex(facets.shape):
+        beyond = [g for g, of in enumerate(edges) if edges[f][i][::-1] in of]
+        assert across[f, i] == (beyond[0] if beyond else -1)
+    assert (across < 0).sum() == 3
+    nodes = np.array([5, 0, 4])
+    found, of = nodes_around(facets, offset, ring, nodes)
+    for n, (first, count) in zip(nodes, of, strict=True):
+        ends = np.setdiff1d(facets[(facets == n).any(axis=1)], n)
+        assert found[first : first + count].tolist() == ends.tolist()
+
+
 @pytest.mark.parametrize("body", [cube, l_shape])
 def test_sign_of_the_pseudo_normal(body):
     """Points near edges and corners, convex and concave: inside or outside is always right."""
     x, facets, inside = body()
-    neighbour = neighbours(facets)
     ring_offset, ring = rings(facets, len(x))
+    neighbour = neighbours(facets, ring_offset, ring)
     assert neighbour.min() >= 0
     rng = np.random.default_rng(3)
     edges = x[facets[:, [0, 1]]]

@@ -148,9 +148,11 @@ def test_oedometer_by_stress_and_by_strain():
             Stage("fix", hold=1e-6, xy=Axis(speed=0.0), until=Until(time=1e-6)),
             # Strains that are there already end nothing.
             Stage(
-                "fast", z=Axis(speed=0.02, walls="max"), xy=Axis(strain=0.0),
+                "fast",
+                z=Axis(speed=0.02, walls="max"),
+                xy=Axis(strain=0.0),
                 until=Until(stress_z=5e5),
-            ),  # fmt: skip
+            ),
             Stage("step", z=Axis(stress=8e5)),
             Stage("down", z=Axis(strain=0.0)),
         )

@@ -20,7 +20,7 @@ from ..surface.bulges import (
     highest,
     no_bulges,
 )
-from ..surface.points import surface_points
+from ..surface.points import Points, surface_points
 from .strength import Strengths
 
 #: What points keep of dents.
@@ -36,34 +36,32 @@ class SurfaceLayers(Stateful):
         x: Reference positions of its nodes [m], shape (num_nodes, 3).
         grains: :class:`~mufe_fenicsx.contact.settings.ContactGrains`.
         settings: :class:`~mufe_fenicsx.contact.settings.ContactSettings`.
-        known: What a surface that has grown has as before, :class:`Known`; None: nothing.
+        grown: Of a surface that has grown, :class:`~mufe_fenicsx.contact.surface.grown.
+            GrownSurface` and the layers of before; None: of the start.
     """
 
     STATE = {"common": ("step",), "here": DENTS}
 
-    def __init__(self, mesh, own, x, grains, settings, known=None):
+    def __init__(self, mesh, own, x, grains, settings, grown=None):
         self.kinematic = settings.kinematic
         self.step = 1.0  #: that kinematic layers are made for [s]
-        layers = self._layers(mesh, own, grains, settings)
-        depths = largest_depths(mesh, own, grains.modulus, grains.rigid_layer)
-        self.of_facet = layers[1]  #: compliance of own facets [m/Pa], shape (num_facets,)
-        self.depth_of_facet = depths[1]  #: part in the largest depth of pairs [m], (num_facets,)
-        of_mesh = None if self.kinematic else grains.edge_compliance
+        found = _made(mesh, own, x, grains, settings) if grown is None else (
+            self._regrown(mesh, x, grains, settings, *grown)
+        )  # fmt: skip
+        self.of_facet = found.of_facet  #: compliance of own facets [m/Pa], shape (num_facets,)
+        self.depth_of_facet = found.depth_of_facet  #: part in the largest depth of pairs [m]
         #: Of sharp edges, relative, of both ends [m/N], shape (num_facets, 3).
-        self.compliance_of_edge = edge_compliances(own, x, of_mesh, known and known.compliance)
-        faceted = self.kinematic or settings.points == "nodes"
+        self.compliance_of_edge = found.compliance_of_edge
         #: The smooth surface over the facets, :class:`~mufe_fenicsx.contact.surface.bulges.Bulges`.
-        self.smooth = no_bulges(own) if faceted else smooth_surface(mesh, own, x, known)
+        self.smooth = found.smooth
+        #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
+        self.points = found.points
         #: By how much smooth surfaces bring facets nearer [m], and how much faster than points
         #: their gaps go at most, on all ranks.
         self.rise, self.steepest = self._bounds(mesh.comm)
         strain = grains.plastic_strain
         #: Plastic strain of the cells, shape (num_cells,); zeros where nothing is known.
         self.plastic_strain = np.zeros(mesh.num_cells) if strain is None else strain
-        if grains.rigid_layer is not None:  # layers of rigid grains stand for all that yields
-            self.smooth.curvature[~np.isnan(grains.rigid_layer[own.local_grain_of_facet])] = 0.0
-        #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
-        self.points = surface_points(settings.points, mesh, own, x, *layers, *depths, self.smooth)
         #: Of all grains, :class:`~mufe_fenicsx.contact.stiffness.strength.Strengths`.
         self.strengths = Strengths(mesh, grains.yield_tables)
         #: Depth of the dents at points [m], in their own surface and beyond it in that of the grain
@@ -73,6 +71,19 @@ class SurfaceLayers(Stateful):
         self.met[:] = -1
         #: Tangential over normal stiffness of points, shape (num_points,).
         self.ratio = grains.tangential_ratio[self.points.local_grain]
+
+    def _regrown(self, mesh, x, grains, settings, grown, before):
+        """:class:`_OfSurface` of a surface that has grown from the layers ``before``. Local."""
+        known = before.on(mesh, grown.part, grown.before)
+        part = _made(mesh, grown.part, x, grains, settings, known)
+        rows = grown.facets.rows
+        return _OfSurface(
+            rows(before.of_facet, part.of_facet),
+            rows(before.depth_of_facet, part.depth_of_facet),
+            rows(before.compliance_of_edge, part.compliance_of_edge),
+            before.smooth.joined(part.smooth, rows),
+            grown.points(before.points, part.points),
+        )
 
     def on(self, mesh, own, before):
         """What the surface of a mesh that has grown has as this one. Local.
@@ -102,17 +113,6 @@ class SurfaceLayers(Stateful):
         comm.Allreduce(MPI.IN_PLACE, most, op=MPI.MAX)
         return float(most[0]), math.hypot(1.0, most[1])
 
-    def _layers(self, mesh, own, grains, settings):
-        """Compliance of nodes and of facets [m/Pa]; of kinematic ones for a step of 1 s."""
-        if self.kinematic:
-            return inertial_layers(own, grains.mass[own.nodes])
-        of_nodes = grains.modulus[mesh.grain_of_node[own.nodes]]
-        of_facets = grains.modulus[own.local_grain_of_facet]
-        layers = LAYERS[settings.law](own, of_nodes, of_facets, settings.compliance)
-        if grains.rigid_layer is not None:
-            replace_layers(mesh, own, layers, grains.rigid_layer)
-        return layers
-
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local.
 
@@ -131,6 +131,47 @@ class SurfaceLayers(Stateful):
     def ahead(self):
         """How much later than walls the positions are at which contact acts [s]."""
         return self.step if self.kinematic else 0.0
+
+
+class _OfSurface(NamedTuple):
+    """What follows from the surface: attributes of :class:`SurfaceLayers` by name."""
+
+    of_facet: np.ndarray
+    depth_of_facet: np.ndarray
+    compliance_of_edge: np.ndarray
+    smooth: Bulges
+    points: Points
+
+
+def _made(mesh, own, x, grains, settings, known=None):
+    """That of a surface, or of a part of it. Local.
+
+    Args:
+        mesh, own, x, grains, settings: As of :class:`SurfaceLayers`.
+        known: What it has as before, :class:`Known`; None: nothing.
+    """
+    layers = _layers(mesh, own, grains, settings)
+    depths = largest_depths(mesh, own, grains.modulus, grains.rigid_layer)
+    of_mesh = None if settings.kinematic else grains.edge_compliance
+    edges = edge_compliances(own, x, of_mesh, known and known.compliance)
+    faceted = settings.kinematic or settings.points == "nodes"
+    smooth = no_bulges(own) if faceted else smooth_surface(mesh, own, x, known)
+    if grains.rigid_layer is not None:  # layers of rigid grains stand for all that yields
+        smooth.curvature[~np.isnan(grains.rigid_layer[own.local_grain_of_facet])] = 0.0
+    points = surface_points(settings.points, mesh, own, x, *layers, *depths, smooth)
+    return _OfSurface(layers[1], depths[1], edges, smooth, points)
+
+
+def _layers(mesh, own, grains, settings):
+    """Compliance of nodes and of facets [m/Pa]; of kinematic ones for a step of 1 s."""
+    if settings.kinematic:
+        return inertial_layers(own, grains.mass[own.nodes])
+    of_nodes = grains.modulus[mesh.grain_of_node[own.nodes]]
+    of_facets = grains.modulus[own.local_grain_of_facet]
+    layers = LAYERS[settings.law](own, of_nodes, of_facets, settings.compliance)
+    if grains.rigid_layer is not None:
+        replace_layers(mesh, own, layers, grains.rigid_layer)
+    return layers
 
 
 class Known(NamedTuple):

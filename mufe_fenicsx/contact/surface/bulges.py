@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...kernels.geometry.boxes import grown_by
-from .surface import SHARP_EDGE, neighbours
+from ...kernels.geometry.rings import neighbours, rings
+from .surface import SHARP_EDGE
 
 #: As in kernels/contact/pairs.h.
 XI = 0.104
@@ -40,6 +41,11 @@ class Bulges:
     def some(self, rows):
         """Those of the facets ``rows``. Local."""
         return Bulges(self.bulge[rows], self.curvature[rows], self.slope[rows])
+
+    def joined(self, other, rows):
+        """Those that ``rows`` makes of both, field by field. Local."""
+        fields = (self.bulge, other.bulge), (self.curvature, other.curvature)
+        return Bulges(*(rows(*both) for both in (*fields, (self.slope, other.slope))))
 
     def put(self, rows, found):
         """Take those that are ``found`` for the facets ``rows``. Local."""
@@ -91,7 +97,7 @@ def bulges_of_the_start(own, x, origin, old):
     nodes, one, facets = np.unique(names, return_index=True, return_inverse=True)
     facets = facets.reshape(-1, 3).astype(np.int32)
     whole = replace(
-        own, nodes=nodes, facets=facets, neighbour=neighbours(facets),
+        own, nodes=nodes, facets=facets, neighbour=neighbours(facets, *rings(facets, nodes.size)),
         facet_area=own.facet_area[old], mirror=own.mirror[old],
     )  # fmt: skip
     found = no_bulges(own)

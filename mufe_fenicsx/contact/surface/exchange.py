@@ -7,8 +7,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ...kernels.geometry.boxes import box_around, boxes_of_facets, touch_box, with_marked_vertex
+from ...kernels.geometry.rings import neighbours, rings
 from .occupancy import Cells, occupied_cells
-from .surface import neighbours, rings
 
 #: Tag of the messages between neighbour ranks.
 TAG = 71
@@ -176,9 +176,9 @@ def _with_far(surface, far, num_own, num_grains):
     ghosts, facets = np.unique(far[:, :3], return_inverse=True)
     facets = facets.reshape(-1, 3)
     # Grains are whole on their ranks, so far facets neighbour far facets only.
-    neighbour = neighbours(facets)
-    neighbour[neighbour >= 0] += num_near
     offset, ring = rings(facets, ghosts.size)
+    neighbour = neighbours(facets, offset, ring)
+    neighbour[neighbour >= 0] += num_near
     body, flags = far[:, 4] >> 4, far[:, 4, None] >> np.arange(4) & 1
     layer, area, depth = (far[:, 5 + k].copy().view(np.float64) for k in range(3))
     whole = Surface(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import InputError, shown
+from ...kernels.geometry.rings import nodes_around
 from ..laws import edge_of_area
 from .bulges import height
 
@@ -144,10 +145,6 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
         return np.concatenate([np.repeat(of_facets, n, axis=0), of_nodes[vertex]])
 
     nodes = np.arange(own.nodes.size, dtype=np.int32)
-    around, _, num_around = entries(own.ring_offset, vertex)
-    facets = np.repeat(np.arange(len(own.facets), dtype=np.int32), n)
-    num_around = np.concatenate([np.ones(facets.size), num_around])
-    neighbours, neighbours_of = nodes_around(own, vertex)
     return Points(
         corner=both(own.facets, np.stack([nodes] * 3, axis=1)),
         rule=rule,
@@ -158,10 +155,6 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
         layer=both(layer, node_layer),
         facet_area=both(own.facet_area, 0.5 * own.whole_area),
         depth=both(depth, node_depth),
-        ring_offset=np.concatenate([[0], np.cumsum(num_around)]).astype(np.int32),
-        ring=np.concatenate([facets, own.ring[around]]).astype(own.ring.dtype),
-        around=neighbours,
-        around_of=np.concatenate([np.zeros((facets.size, 2), np.int32), neighbours_of]),
         curvature=both(smooth.curvature, _bend_of_nodes(own, smooth)),
         # At a node, of one of the facets around.
         cell=both(own.cell_of_facet, own.cell_of_facet[own.ring[own.ring_offset[:-1]]]),
@@ -171,8 +164,30 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
                 (RECESS if n else 0.0) * edge_of_area(own.whole_area, 2)[vertex],
             ]
         ),
-        num_in_facets=facets.size,
+        num_in_facets=n * len(own.facets),
+        **point_lists(own, vertex, n * len(own.facets)),
     )
+
+
+def point_lists(own, vertex, num_in_facets):
+    """Facets and nodes around points, fields of :class:`Points` by name. Local.
+
+    Args:
+        own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
+        vertex: Its nodes that are points, increasing.
+        num_in_facets: Number of points in facets, as many in each.
+    """
+    around, _, num_around = entries(own.ring_offset, vertex)
+    each = num_in_facets // max(len(own.facets), 1)
+    facets = np.repeat(np.arange(len(own.facets), dtype=np.int32), each)
+    num_around = np.concatenate([np.ones(num_in_facets), num_around])
+    nodes, nodes_of = nodes_around(own.facets, own.ring_offset, own.ring, vertex)
+    return {
+        "ring_offset": np.concatenate([[0], np.cumsum(num_around)]).astype(np.int32),
+        "ring": np.concatenate([facets, own.ring[around]]).astype(own.ring.dtype),
+        "around": nodes,
+        "around_of": np.concatenate([np.zeros((num_in_facets, 2), np.int32), nodes_of]),
+    }
 
 
 def _bend_of_nodes(own, smooth):
@@ -180,23 +195,6 @@ def _bend_of_nodes(own, smooth):
     facet, count = own.facets.ravel(), np.diff(own.ring_offset)
     total = np.bincount(facet, np.repeat(smooth.curvature[:, 2], 3), own.nodes.size)
     return np.stack([np.zeros(own.nodes.size)] * 2 + [total / np.maximum(count, 1)], axis=1)
-
-
-def nodes_around(own, nodes):
-    """Ends of the edges from surface nodes.
-
-    Returns:
-        Surface nodes, int32, one after another; and of each of ``nodes`` the first there and how
-        many, int32, shape (num, 2).
-    """
-    ring, _, count = entries(own.ring_offset, nodes)
-    of = np.repeat(np.arange(nodes.size), 3 * count)
-    vertices = own.facets[own.ring[ring]].ravel()
-    others = vertices != nodes[of]
-    key = np.unique(of[others] * np.int64(own.nodes.size) + vertices[others])
-    of, around = np.divmod(key, max(own.nodes.size, 1))
-    first = np.searchsorted(of, np.arange(nodes.size + 1))
-    return around.astype(np.int32), np.stack([first[:-1], np.diff(first)], axis=1).astype(np.int32)
 
 
 def entries(offset, rows):

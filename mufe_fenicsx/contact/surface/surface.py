@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...kernels.contact.edge_search import sharp_edges
+from ...kernels.geometry.rings import neighbours, rings
 
 #: Convex edges are sharp whose facets' normals differ by more than this angle [rad]. Where two
 #: edges of length h cross at their middles, a vertex is inside the other body from the depth
@@ -43,7 +44,7 @@ class OwnSurface:
     sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
 
 
-def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
+def own_surface(mesh, x, on_mirror=None, mirror_normal=None, some=None):
     """Surface of a :class:`~mufe_fenicsx.mesh.GrainMesh` at positions ``x``. Local.
 
     Args:
@@ -52,10 +53,14 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
         on_mirror: Which of its nodes lie on which mirror, shape (num_nodes, num_walls): facets that
             lie on one are left out; None: no mirrors.
         mirror_normal: Unit normals of the walls, shape (num_walls, 3).
+        some: Of which local grains alone, shape (num_grains,); None: of all.
     """
     if on_mirror is None:
         on_mirror, mirror_normal = np.zeros((len(x), 0), dtype=bool), np.zeros((0, 3))
-    outside = ~on_mirror[mesh.facets].all(axis=1).any(axis=1)
+    outside = slice(None) if some is None else np.flatnonzero(some[mesh.grain_of_facet])
+    if on_mirror.any():
+        on = on_mirror[mesh.facets[outside]].all(axis=1).any(axis=1)
+        outside = np.arange(len(mesh.facets))[outside][~on]
     of_mesh, local_grain = mesh.facets[outside], mesh.grain_of_facet[outside]
     on_surface = np.zeros(mesh.num_nodes, dtype=bool)
     on_surface[of_mesh] = True
@@ -66,7 +71,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
     area = np.bincount(facets.ravel(), np.repeat(facet_area / 3, 3), nodes.size)
     edges = sum(np.linalg.norm(end - begin, axis=1) for begin, end in ((a, b), (b, c), (c, a)))
     ring_offset, ring = rings(facets, nodes.size)
-    across = neighbours(facets)
+    across = neighbours(facets, ring_offset, ring)
     grain_of_node = mesh.grains[mesh.grain_of_node[nodes]].astype(np.int32)
     grain_of_facet = mesh.grains[local_grain].astype(np.int32)
     bodies = grain_of_node, grain_of_facet
@@ -105,27 +110,3 @@ def _mirrors_at_edges(on, across):
     both = on & np.roll(on, -1, axis=1)  # both ends of the edges 0-1, 1-2, 2-0
     wall = np.where(both.any(axis=2) & (across < 0), both.argmax(axis=2), -1)
     return wall.astype(np.int32)
-
-
-def rings(facets, num_nodes):
-    """Facets around each node, as compressed rows (offset, ring)."""
-    order = np.argsort(facets.ravel(), kind="stable")
-    offset = np.searchsorted(facets.ravel()[order], np.arange(num_nodes + 1))
-    return offset, (order // 3).astype(np.int32)
-
-
-def neighbours(facets):
-    """Facets across the edges 0-1, 1-2, 2-0 of each facet, -1 where there is none.
-
-    The surface is closed and oriented: an edge is shared by two facets that run
-    along it in opposite directions.
-    """
-    start = facets.ravel().astype(np.int64)
-    end = np.roll(facets, -1, axis=1).ravel().astype(np.int64)
-    base = int(facets.max(initial=0)) + 1
-    forward, backward = start * base + end, end * base + start
-    order = np.argsort(forward, kind="stable")
-    place = np.minimum(np.searchsorted(forward[order], backward), max(forward.size - 1, 0))
-    found = order[place] if forward.size else place
-    across = np.where(forward[found] == backward, found // 3, -1) if forward.size else found
-    return across.reshape(-1, 3).astype(np.int32)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...contact.surface.surface import neighbours, rings
 from ...geometry.form.shape import inertia_of, principal, tet_moments
 from ...geometry.measure import compact
+from ...kernels.geometry.rings import neighbours, rings
 from ...kernels.geometry.signed_distance import find_signed_distances
 from ..triangulated import divided, vertex_areas
 
@@ -135,7 +135,8 @@ def distances(points, triangles):
     centre = corner.mean(axis=1)
     radius = np.linalg.norm(corner - centre[:, None], axis=2).max(axis=1)
     value = np.empty(len(at))
+    ring = rings(facets, len(points))
     find_signed_distances(
-        value, at, points, facets, neighbours(facets), *rings(facets, len(points)), centre, radius
+        value, at, points, facets, neighbours(facets, *ring), *ring, centre, radius
     )
     return value.reshape((INTERVALS + 1,) * 3), low, step
