@@ -24,14 +24,11 @@ def find_pairs(contact, x, ahead):
     contact.ghosts.moving = None
     gathered = np.empty((own.nodes.size, 3))
     gather_rows(gathered, x, own.nodes)
-    old, old_walls, old_edges = contact.pairs, walls.pairs, edges.pairs
-    wait, num_grains = 0.0, contact.dissipation.num_grains
-    if old is not None:
-        motion.choose_skin()
     # Edges may be far deeper than points: closed ones are kept, and other ranks send theirs.
     of_points, of_edges = 1.1 * contact.deepest()
-    near, beyond = max(motion.skin, ahead), max(of_edges - of_points, 0.0)
-    reach = near + of_points
+    reach, beyond = max(motion.skin, ahead) + of_points, max(of_edges - of_points, 0.0)
+    old, old_walls, old_edges = contact.pairs, walls.pairs, edges.pairs
+    wait, num_grains = 0.0, contact.dissipation.num_grains
     if contact.surface is not None:
         put_away(contact)
     if old is not None:
@@ -44,12 +41,7 @@ def find_pairs(contact, x, ahead):
             contact.comm, own, num_grains, contact.first_tool, contact.edge
         )  # fmt: skip
     exchange(contact, gathered, reach, max(overlaps.max(initial=0.0), beyond))
-    motion.near = near
-    surface = contact.surface
-    of_facets = near + overlaps[surface.grain_of_facet]
-    if old is not None:  # whose facets points are in: each body as deep as it needs
-        of_facets += 1.1 * old.depths(surface.body_of_facet)
-    _search_facets(contact, of_facets, wait)
+    _search_facets(contact, reach + overlaps[contact.surface.grain_of_facet], wait)
     _search_edges_and_walls(contact, gathered, reach, overlaps.max(initial=0.0))
     if old is not None:
         contact.dissipation.change(old, contact.pairs, old_walls, walls.pairs, old_edges)

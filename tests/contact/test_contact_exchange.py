@@ -58,7 +58,7 @@ def found(comm, kind):
     one = np.ones(mesh.num_grains)
     settings = ContactSettings(points=kind)
     contact = Contact(mesh, mesh.x, Walls([]), ContactGrains(one, one), settings)
-    contact.search(mesh.x, ahead=contact.motion.skin)
+    contact.search(mesh.x)
     table, pairs, edges = contact_tables(contact, mesh), contact.pairs, contact.edges
     p, e = table["pairs"], table["edge_pairs"]
     facet = np.concatenate([*table["candidates"]["facet"].blocks(1000)])

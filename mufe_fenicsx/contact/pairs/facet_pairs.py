@@ -57,14 +57,6 @@ class Pairs(PairTable):
         gap = self.gap - self.dent
         return -gap[np.isfinite(gap)].min(initial=0.0)
 
-    def depths(self, bodies):
-        """As of :meth:`deepest`, of pairs with each of the ``bodies`` [m], shape (num,). Local."""
-        gap = self.gap - self.dent
-        deep = np.flatnonzero(np.isfinite(gap) & (gap < 0.0))
-        found = np.zeros(max(int(bodies.max(initial=-1)), int(self.body.max(initial=-1))) + 1)
-        np.maximum.at(found, self.body[deep], -gap[deep])
-        return found[bodies]
-
     def energy(self, points, left_out=None):
         """Energy in the springs [J] and number of closed pairs, as of Contact.energy."""
         closed = self.closed

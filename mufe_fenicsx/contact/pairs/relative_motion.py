@@ -9,9 +9,6 @@ from .motion_bounds import RANGE, GrainMoves
 
 #: Candidates reach this far beyond the closed gap, in mean facet edges.
 SKIN = 0.4
-#: No farther than so many times what moved since the last search, but so many edges at least: where
-#: meshes grow every few steps, each growth searches anew.
-TIMES, LEAST = 8.0, 0.05
 
 
 class RelativeMotion(Stateful):
@@ -25,7 +22,7 @@ class RelativeMotion(Stateful):
     """
 
     STATE = {
-        "common": ("bound", "searched_at", "reach", "overlap", "near", "skin"),
+        "common": ("bound", "searched_at", "reach", "overlap"),
         "largest": ("overrun", "overrun_of_all"),
     }
 
@@ -34,9 +31,7 @@ class RelativeMotion(Stateful):
         self.bound = 0.0  #: of all relative motion so far, the same on all ranks [m]
         self.searched_at = 0.0  #: the bound at the last search [m]
         self.reach = self.overlap = 0.0  #: of the last search, and for overlaps beyond it [m]
-        self.near = 0.0  #: what it reaches from surfaces that are not deep in others [m]
-        self.skin = SKIN * edge  #: motion that a search is good for [m]
-        self._skins = LEAST * edge, SKIN * edge
+        self.skin = SKIN * edge
         self.longest = RANGE * edge  #: longest wait of a pair [m]
         self._width = comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
         #: By how much bounds of two grains go beyond what was expected soon, on this rank, and two
@@ -44,11 +39,6 @@ class RelativeMotion(Stateful):
         self.overrun = self.overrun_of_all = -np.inf
         self._moves, self._of_pairs = None, ()
         self._step, self._agreement = np.zeros(2), None
-
-    def choose_skin(self):
-        """Choose the motion that the coming search is good for, which is not the first. Local."""
-        least, most = self._skins
-        self.skin = min(max(TIMES * (self.bound - self.searched_at), least), most)
 
     def renew(self, reach, overlap, neighbours, num_walls, positions):
         """Go on with the grains near this rank's at a new search. Collective.
@@ -142,7 +132,7 @@ class RelativeMotion(Stateful):
     @property
     def left(self):
         """Motion from now on before which nothing beyond the last search can be met [m]."""
-        return self.searched_at + self.near - self.bound
+        return self.searched_at + self.reach - self.bound
 
     @property
     def known_ahead(self):
