@@ -1,10 +1,14 @@
 """Walls that a servo presses, and what is known of nodes near them between two looks."""
 
+import platform
+
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.contact.walls import Wall
+from mufe_fenicsx.kernels.build.native import load
+from mufe_fenicsx.kernels.contact import walls as wall_kernels
 from mufe_fenicsx.materials.elastic import Elastic
 from tests.bodies import RADIUS, packed_spheres, simulation_of
 
@@ -114,3 +118,42 @@ def test_a_wall_that_nothing_is_near_carries_nothing():
     s.walls.force[:] = s.walls.torque[:] = 1.0
     s.step()
     assert not s.walls.force.any() and not s.walls.torque.any()
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="four lanes are forced by its options")
+@pytest.mark.parametrize("option", ["-DTOGETHER=0", "-mno-avx512f"])
+def test_walls_that_become_smooth_take_the_springs_of_friction(option, monkeypatch):
+    """Pairs one by one have Coulomb's law with μ = 0, many together the law without friction.
+
+    What is left of friction where it ends is in the account of either; then the same to rounding,
+    which 100 steps multiply little.
+    """
+    found = []
+    for options in ((), (option,)):
+        monkeypatch.setattr(wall_kernels, "load", lambda name, more=options: load(name, *more))
+        mesh, up = packed_spheres(MPI.COMM_SELF, (2, 1, 1), gap=0.0), np.array([0.0, 0.0, 1.0])
+        walls = [
+            Wall("low", 0.005 * RADIUS * up, up, friction=0.2),
+            Wall("top", 1.99 * RADIUS * up, -up, friction=0.2, velocity=np.array([5.0, 3.0, -2.0])),
+        ]
+        s = simulation_of(mesh, Elastic(100e9, 0.15, 2650.0), walls, time_step_factor=0.6)
+        for _ in range(100):
+            s.step()
+        pairs, before = s.walls.pairs, s.contact.dissipation.total
+        rough = np.abs(pairs.shear).max()
+        s.walls.friction[:] = s.walls.friction_kinetic[:] = 0.0
+        s.step()
+        released = s.contact.dissipation.total - before
+        assert rough > 0.0
+        assert released > 0.0
+        slip = pairs.slip.sum()
+        for _ in range(100):
+            s.step()
+        assert np.abs(pairs.shear[pairs.closed]).max() == 0.0
+        assert s.contact.dissipation.total == before + released
+        assert pairs.slip.sum() > slip
+        sums = np.array([before, released, s.contact.energy()[0], s.walls.work, pairs.slip.sum()])
+        found.append((s.state.v.copy(), s.walls.force.copy(), s.walls.torque.copy(), sums))
+    for one, two in zip(*found, strict=True):
+        assert np.abs(one).max() > 0.0
+        assert np.abs(one - two).max() < 1e-9 * np.abs(one).max()

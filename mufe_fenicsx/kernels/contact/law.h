@@ -145,6 +145,19 @@ INLINE real OF(lost_at_opening)(OF(vec3) shear, OF(vec3) spring) {
   return -0.5 * OF(dot)(shear, spring);
 }
 
+/* What contacts without friction carry: all of the spring slips. */
+INLINE OF(carried_type) OF(carry_smooth)(OF(contact_type) c) {
+  const real none = OF(number)(0.0);
+  const OF(vec3) slip = OF(across)(c.spring, c.normal);
+  OF(carried_type) now;
+  now.N = c.steep * OF(normal_force)(c.of.stiffness, c.of.softer, c.depth, c.of.largest_depth);
+  now.spring = now.shear = (OF(vec3)){none, none, none};
+  now.slipped = OF(length)(slip);
+  now.sliding = now.slipped > 0.0;
+  now.lost = OF(lost_at_opening)(c.shear, slip);
+  return now;
+}
+
 /* --- dents -------------------------------------------------------------------------------
 
    A body that yields under a contact smaller than an element: the pair bears 2.8 times the yield

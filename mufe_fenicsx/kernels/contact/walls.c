@@ -187,9 +187,17 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
     depth -= flowed.deeper, g += flowed.deeper;
   }
   const vec3_each stick_point = {stick[0], stick[1], stick[2]};
-  const carried_type_each now = carry_each(
-      (contact_type_each){spring, depth, all(1.0), n, minus_each(r, stick_point), old_shear,
-                          FLAG(flags, wall_pair_row, sliding), wall[3], place[3]});
+  const contact_type_each contact = {spring,
+                                     depth,
+                                     all(1.0),
+                                     n,
+                                     minus_each(r, stick_point),
+                                     old_shear,
+                                     FLAG(flags, wall_pair_row, sliding),
+                                     wall[3],
+                                     place[3]};
+  const int is_smooth = !any_each((contact.held > 0.0) | (contact.kinetic > 0.0));
+  const carried_type_each now = is_smooth ? carry_smooth_each(contact) : carry_each(contact);
   if (flows) {
     const vec work = work_of_dent_each(spring, was, old_shear, depth, now.spring, flowed.deeper);
     for (unsigned some = flows; some; some &= some - 1) {
