@@ -181,8 +181,10 @@ def _fit(moment, labels, voxel_size):
     return found, float(np.sum(dice)) / len(moment.state.labels)
 
 
-def mean_strains(centre, displacement):
-    """Shortening along x, y and z of the linear field that fits displacements best [-], shape (3,).
+def linear_field(centre, displacement):
+    """The linear field that fits displacements best: gradients and constants, shape (4, 3).
+
+    The displacement at x is ``[*x, 1] @ field``.
 
     Args:
         centre: Before [m], (x, y, z), shape (num_grains, 3).
@@ -195,8 +197,12 @@ def mean_strains(centre, displacement):
     if known.sum() < 4:
         raise InputError(f"{known.sum()} tracked grains, expected 4 at least for a strain")
     place = np.column_stack([centre[known], np.ones(known.sum())])
-    gradient, *_ = np.linalg.lstsq(place, displacement[known], rcond=None)
-    return -np.diag(gradient[:3])
+    return np.linalg.lstsq(place, displacement[known], rcond=None)[0]
+
+
+def mean_strains(centre, displacement):
+    """Shortening along x, y and z of the :func:`linear_field` of displacements [-], shape (3,)."""
+    return -np.diag(linear_field(centre, displacement)[:3])
 
 
 def shortenings(run, grains, known, seated):
