@@ -44,6 +44,7 @@ class Moment:
     """A run at some strain, between two of its stored states."""
 
     strain: float  #: as the states count it [-]
+    time: float  #: of the run [s], linear between both states
     states: tuple  #: numbers of the two states
     weight: float  #: of the second, 0 to 1
     points: np.ndarray  #: nodes [m], shape (num_nodes, 3)
@@ -74,16 +75,18 @@ def moment_at(run, strain):
     gap = known[min(k + 1, len(known) - 1)] - known[k]
     weight = float((strain - known[k]) / gap) if gap else 0.0
     later = run.state(int(ends[1]))
-    points = later.points
+    points, time = later.points, later.time
     if weight < 1.0:
-        points = (1 - weight) * later.points_of(run.state(int(ends[0]))) + weight * points
-    return Moment(float(strain), tuple(int(e) for e in ends), weight, points, later)
+        first = run.state(int(ends[0]))
+        points = (1 - weight) * later.points_of(first) + weight * points
+        time = (1 - weight) * first.time + weight * time
+    return Moment(float(strain), float(time), tuple(int(e) for e in ends), weight, points, later)
 
 
 def moment_of(run, number):
     """A stored state as a :class:`Moment`."""
     state = run.state(number)
-    return Moment(float(state.strain), (number, number), 1.0, state.points, state)
+    return Moment(float(state.strain), float(state.time), (number, number), 1.0, state.points, state)
 
 
 def stage_ends(run):
