@@ -86,7 +86,9 @@ def moment_at(run, strain):
 def moment_of(run, number):
     """A stored state as a :class:`Moment`."""
     state = run.state(number)
-    return Moment(float(state.strain), float(state.time), (number, number), 1.0, state.points, state)
+    return Moment(
+        float(state.strain), float(state.time), (number, number), 1.0, state.points, state
+    )
 
 
 def stage_ends(run):
