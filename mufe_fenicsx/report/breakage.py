@@ -225,8 +225,9 @@ def breakage_rows(source):
     numbers, number = breakage(own, grain), labels.size
     parts = [round(number * part) for part in (numbers.split, numbers.chipped)]
     cracked = cracked_grains(source, events, labels, whole)
+    last = f"{source.end.stage}, strain {style.strain(source.end.strain)}"
     rows = [
-        ("At the last stored state", f"{source.end.stage}, strain {style.strain(source.end.strain)}"),
+        ("At the last stored state", last),
         ("Grains that are split, chipped, cracked, without a crack",
          f"{parts[0]}, {parts[1]}, {cracked.grain.size - sum(parts)}, "
          f"{number - cracked.grain.size}"),

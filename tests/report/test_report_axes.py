@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import replace
+from itertools import pairwise
 
 import matplotlib
 import numpy as np
@@ -205,4 +206,4 @@ def test_ticks_of_monitors_are_shares_and_do_not_run_together(look, tmp_path):
             boxes = [t.get_window_extent() for t in labels if low <= t.get_position()[1] <= high]
             ends = sorted((box.y0, box.y1) for box in boxes)
             assert len(ends) >= 2
-            assert all(top < bottom for (_, top), (bottom, _) in zip(ends, ends[1:], strict=False))
+            assert all(top < bottom for (_, top), (bottom, _) in pairwise(ends))
