@@ -214,6 +214,33 @@ def draw_fragments(source):
     )
 
 
+def _when(history, row):
+    """Stage, strain and what the sample bears at a row, in words."""
+    values, symbol, _ = bearing(history)
+    strain, bears = style.strain(history["strain"][row]), style.quantity(values[row], symbol)
+    return f"{history['stage'][row]}, strain {strain}, {bears}"
+
+
+def _loose_rows(source, history, whole):
+    """Rows about the first piece that came loose, of a single grain its strength, too."""
+    broken = np.flatnonzero(history["broken_grains"])
+    if not broken.size:
+        return []
+    grains = first_broken(source, history["time"][broken[0]])
+    named = ("grain " if len(grains) == 1 else "one of grains ") + ", ".join(map(str, grains))
+    rows = [("First piece loose", f"{named}, {_when(history, broken[0])}")]
+    if whole.size == 1:
+        bears, size = load(history), diameter(whole[0])
+        most = int(np.argmax(bears))
+        strain = style.strain(history["strain"][most])
+        for name, force in (
+            (f"Largest force over the diameter squared, at strain {strain}", bears[most]),
+            ("The same until a first piece came loose", bears[: broken[0] + 1].max()),
+        ):
+            rows.append((name, style.quantity(force / size**2, "Pa")))
+    return rows
+
+
 def breakage_rows(source):
     """Rows (name, value) about grains that break, up to the last stored state.
 
@@ -247,29 +274,10 @@ def breakage_rows(source):
     rows.append(("Failed of the opened area", f"{failed:.1%}"))
     if not cracked.grain.size:
         return rows
-    values, symbol, _ = bearing(history)
-
-    def when(row):
-        strain, bears = style.strain(history["strain"][row]), style.quantity(values[row], symbol)
-        return f"{history['stage'][row]}, strain {strain}, {bears}"
-
     opened = events["time"][cracked.row[0]]
-    row = min(int(np.searchsorted(history["time"], opened)), len(values) - 1)
-    rows.append(("First crack", f"grain {cracked.grain[0]}, {when(row)}"))
-    broken = np.flatnonzero(history["broken_grains"])
-    if broken.size:
-        grains = first_broken(source, history["time"][broken[0]])
-        named = ("grain " if len(grains) == 1 else "one of grains ") + ", ".join(map(str, grains))
-        rows.append(("First piece loose", f"{named}, {when(broken[0])}"))
-        if number == 1:
-            bears, size = load(history), diameter(whole[0])
-            most = int(np.argmax(bears))
-            for name, force in (
-                (f"Largest force over the diameter squared, at strain "
-                 f"{style.strain(history['strain'][most])}", bears[most]),
-                ("The same until a first piece came loose", bears[: broken[0] + 1].max()),
-            ):  # fmt: skip
-                rows.append((name, style.quantity(force / size**2, "Pa")))
+    row = min(int(np.searchsorted(history["time"], opened)), len(history["time"]) - 1)
+    rows.append(("First crack", f"grain {cracked.grain[0]}, {_when(history, row)}"))
+    rows += _loose_rows(source, history, whole)
     near, known = int(np.nansum(cracked.near)), int(np.isfinite(cracked.near).sum())
     if known:
         rows.append(
