@@ -200,10 +200,12 @@ def material_block(fit, nu, density, unsure=False):
     lines = ["[material]", f'model = "{"j2" if yielded(fit) else "elastic"}"', modulus,
              f"nu = {nu:g}", f'rho = "{density:g} kg/m^3"']  # fmt: skip
     if yielded(fit):
-        strain, stress, _ = end_of_table(fit)
+        strain, stress, ends = end_of_table(fit)
         first = with_unit(fit.material["yield"], "Pa")
         if unsure:
             lines.append("# yield_stress: calibrate again with that E")
+        elif not (determined(fit.interval("yield")) and determined(ends)):
+            lines.append("# yield_stress: state it; the curves do not tell it")
         else:
             last = with_unit(stress, "Pa")
             lines.append(f'yield_stress = [[0.0, "{first}"], [{strain:g}, "{last}"]]')

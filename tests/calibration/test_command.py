@@ -5,10 +5,12 @@ import tomllib
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
+from mufe_fenicsx.calibration import sentences
 from mufe_fenicsx.calibration.calibrate import Options, calibrate
 from mufe_fenicsx.calibration.data import Size, read_data
-from mufe_fenicsx.calibration.fit import Given
+from mufe_fenicsx.calibration.fit import Fit, Given
 from mufe_fenicsx.calibration.friction import mindlin_force
 from mufe_fenicsx.calibration.model import Setup
 from mufe_fenicsx.calibration.own_mesh import shape_of_runs
@@ -119,6 +121,23 @@ def test_an_interval_of_more_than_a_factor_of_ten_states_nothing(tmp_path, capsy
         assert ("# Begin with strength" in found["material"]) != wide
         _print(Printer(None), found)
         assert ("not determined" in capsys.readouterr().out) == wide
+
+
+@pytest.mark.parametrize("half", [1.0, 1.3])
+def test_a_yield_stress_that_is_not_determined_is_no_line_of_the_block(half):
+    """Intervals of exp(±half): a factor of 7.4 is stated, one of 13.5 is not."""
+    covariance = np.diag([1e-4, (half / student.ppf(0.975, 1000)) ** 2, 1e-4])
+    material = {"E": 7e10, "yield": 1e9, "hardening": 1e10}
+    fit = Fit(
+        list(material), np.log(list(material.values())), covariance, 1000, [], 0.01, 0.01, 0.05,
+        3.0, [], material,
+    )  # fmt: skip
+    said = " ".join(sentences.limits_of(fit, Given()))
+    block = sentences.material_block(fit, 0.2, 2500.0)
+    assert ("yield stress: 367.9 MPa to 2.718 GPa fit" in said) == (half == 1.0)
+    assert "The curves do not determine the yield stress" in said
+    assert ("\nyield_stress = " in block) == (half == 1.0)
+    assert ("\n# yield_stress: state it" in block) == (half == 1.3)
 
 
 def test_a_table_without_sizes_and_a_command_without_them(tmp_path):
