@@ -175,8 +175,8 @@ def _fracture_block(found, size):
     if all(map(sentences.determined, (found.modulus_interval, found.strength_interval))):
         facets, modulus = with_unit(found.strength / CRUSHING, "Pa"), POWER * found.modulus
         told = (
-            "# strength and modulus are those of facets, and not told by those of grains, F/d^2 = "
-            f"{with_unit(found.strength, 'Pa')} of\n# {size} and {found.modulus:.2g}.\n"
+            "# strength and modulus are those of facets. Those of grains do not tell them: F/d^2 = "
+            f"{with_unit(found.strength, 'Pa')}\n# at {size}, Weibull {found.modulus:.2g}.\n"
             f'# Begin with strength = "{facets}" and modulus = {modulus:.2g}, as on the mesh of\n'
             "# `mufe new crushing`; crush such a grain on yours, and scale them."
         )
