@@ -57,11 +57,12 @@ PLAUSIBLE = {
 }
 
 #: Characters of a unit, and of all with its number. Its names may have small powers and no numbers:
-#: pint would compute a tower of them. Of "kPas", kPa s, it would make kPa.
+#: pint would compute a tower of them.
 LONGEST_UNIT, LONGEST = 40, 100
 _UNIT = re.compile(
-    r"(?!.*Pas\b)(?:%|[^\W\d]+(?:(?:\^|\*\*)?[+-]?\d)?(?:\s*[*/·\s]\s*[^\W\d]+(?:(?:\^|\*\*)?[+-]?\d)?)*)"
+    r"(?:%|[^\W\d]+(?:(?:\^|\*\*)?[+-]?\d)?(?:\s*[*/·\s]\s*[^\W\d]+(?:(?:\^|\*\*)?[+-]?\d)?)*)"
 )
+_NAME_OF_UNIT = re.compile(r"[^\W\d]+")
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*?)?\s*")
 
 
@@ -108,11 +109,22 @@ def _parse(text, unit, name):
         return number
     if len(written_unit) > LONGEST_UNIT or not _UNIT.fullmatch(written_unit):
         raise wrong
-    registry = _registry()
     try:
-        return registry.Quantity(number, registry.parse_units(written_unit)).to(unit).magnitude
+        return _registry().Quantity(number, _unit_of(written_unit)).to(unit).magnitude
     except Exception:  # pint raises errors of many unrelated kinds on text that is no unit
         raise wrong from None
+
+
+def _unit_of(text):
+    """A unit of pint. Names have a plural, symbols none (SI brochure, 5.2): "kPas" is no "kPa"."""
+    registry = _registry()
+    for word in _NAME_OF_UNIT.findall(text):
+        one = word.removesuffix("s")
+        found = [registry.parse_unit_name(name)[:1] for name in (word, one) if name]
+        if one != word and len(found) == 2 and found[0] == found[1]:
+            if registry.get_symbol(one) == one != registry.get_name(one):
+                raise ValueError(f"{one} has no plural")
+    return registry.parse_units(text)
 
 
 def base_number(text):
@@ -124,10 +136,9 @@ def base_number(text):
         return None
     if not match[2]:
         return float(match[1])
-    registry = _registry()
     try:
-        unit = registry.parse_units(match[2])
-        number = float(registry.Quantity(Decimal(match[1]), unit).to_base_units().magnitude)
+        quantity = _registry().Quantity(Decimal(match[1]), _unit_of(match[2]))
+        number = float(quantity.to_base_units().magnitude)
     except Exception:  # as of _parse
         return None
     return number if math.isfinite(number) else None

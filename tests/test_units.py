@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.units import REQUIRED, check_keys, keys_of, setting
+from mufe_fenicsx.units import REQUIRED, check_keys, keys_of, setting, to_si
 
 
 @dataclass(frozen=True)
@@ -57,3 +57,20 @@ def test_what_is_out_of_bounds_is_named(values, message):
 def test_bounds_that_belong_and_what_is_not_set_are_taken():
     assert Settings(speed=1e-9, share=1.0, rate=0.0).rate == 0.0
     assert Settings(speed=1.0, share=0.0).rate is None
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "number"),
+    [
+        ("2 kilopascals", "Pa", 2e3), ("2 bars", "Pa", 2e5), ("3 metres", "m", 3.0),
+        ("3 ms", "s", 3e-3), ("3 s", "s", 3.0), ("5 kPas", "Pa", None), ("5 Hzs", "s^-1", None),
+        ("5 mins", "s", None),
+    ],
+)  # fmt: skip
+def test_names_of_units_have_a_plural_and_symbols_none(text, unit, number):
+    """kPa s is no stress."""
+    if number is not None:
+        assert to_si(text, unit, "q") == pytest.approx(number, rel=1e-12)
+        return
+    with pytest.raises(InputError, match=f'q = "{text}", expected'):
+        to_si(text, unit, "q")

@@ -48,7 +48,8 @@ def calibrate(paths, options, output, overwrite=False, progress=None):
         progress: Function (done, total, text), or None.
 
     Returns:
-        A dict: ``parameters`` is a list of dicts (name, value, low, high, unit), of 95 %;
+        A dict: ``parameters`` is a list of dicts (name, value, low, high, unit), of 95 %, value
+        None where the data do not determine it;
         ``correlation``; ``material``, the block; ``notes``, sentences; ``output``.
 
     Raises:
@@ -161,15 +162,35 @@ def _crushed(folder, data, result):
         )
     else:
         result["notes"].append("Sizes are alike or few: no effect of size is sought.")
-    result["notes"].append(
-        "These are strengths F/d² of grains. [fracture] strength is that of facets: begin with "
-        f"{with_unit(found.strength / CRUSHING, 'Pa')}, modulus = {POWER * found.modulus:.2g} and "
-        'scatter = "grain", crush such a grain (`mufe new crushing`), and scale it.'
-    )
+    result["material"] += _fracture_block(found, size)
     draw_survival(folder / "survival.png", found)
 
 
+def _fracture_block(found, size):
+    """The table [fracture] of a scene, as TOML: what forces of grains do not tell lacks.
+
+    Facets' strength over grains' was seen on one mesh: a comment.
+    """
+    told = "# strength and modulus: state them; the data do not tell them."
+    if all(map(sentences.determined, (found.modulus_interval, found.strength_interval))):
+        facets, modulus = with_unit(found.strength / CRUSHING, "Pa"), POWER * found.modulus
+        told = (
+            "# strength and modulus are those of facets. Those of grains do not tell them: F/d^2 = "
+            f"{with_unit(found.strength, 'Pa')}\n# at {size}, Weibull {found.modulus:.2g}.\n"
+            f'# Begin with strength = "{facets}" and modulus = {modulus:.2g}, as on the mesh of\n'
+            "# `mufe new crushing`; crush such a grain on yours, and scale them."
+        )
+    return f"""
+[fracture]
+scatter = "grain"   # each grain has a strength of its own
+{told}
+# energy: state it; the data do not tell it.
+"""
+
+
 def _row(name, value, ends, unit):
+    if ends is not None and not sentences.determined(ends):
+        return {"name": name, "value": None, "unit": unit}
     interval = {} if ends is None else {"low": float(ends[0]), "high": float(ends[1])}
     return {"name": name, "value": float(value), **interval, "unit": unit}
 
@@ -178,7 +199,8 @@ def _as_csv(rows):
     lines = [["name", "value", "low_95", "high_95", "unit"]]
     for row in rows:
         ends = [f"{row[key]:.6g}" if key in row else "" for key in ("low", "high")]
-        lines.append([row["name"], f"{row['value']:.6g}", *ends, row["unit"]])
+        value = "" if row["value"] is None else f"{row['value']:.6g}"
+        lines.append([row["name"], value, *ends, row["unit"]])
     return _text(lines)
 
 

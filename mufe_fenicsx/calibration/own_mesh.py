@@ -5,9 +5,9 @@ a smooth function of the approach, which depends little on the material,
 
     F(δ) = ψ(δ/R; Y/E*, H/Y) F_ball(δ),   ψ = F_run/F_ball at the material of a run.
 
-Of several runs log ψ is linear in the logarithms of Y/E* and 1 + H/Y/10, of one it is that of its
-material. Contacts of less than one edge per radius are those of a mesh and not of a grain: there ψ
-is not known.
+Elastic grains count as Y = H = E, of which no ball yields. Of several runs log ψ is linear in the
+logarithms of Y/E* and 1 + H/Y/10, of one it is that of its material. Contacts of less than one edge
+per radius are those of a mesh and not of a grain: there ψ is not known.
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..materials.elastic import Elastic
 from ..materials.j2 import J2
 from ..results.run import Run
 from ..scene.reading import load_scene
@@ -161,7 +162,9 @@ def shape_of_runs(paths):
 
 
 def _linear(material):
-    """Yield stress and slope of hardening [Pa] of a table."""
+    """Yield stress and slope of hardening [Pa] of a table; of elastic grains as fits have them."""
+    if not isinstance(material, J2):
+        return material.E, material.E
     strain, stress = material.yield_table()
     return stress[0], (stress[-1] - stress[0]) / strain[-1] if strain[-1] > 0 else 0.0
 
@@ -171,10 +174,10 @@ def _read(path):
     run, scene = Run(path), load_scene(Path(path) / "scene.toml")
     history, material = run.history, scene.material
     grains, mass = (run.summary.get(key) for key in ("num_grains", "mass"))
-    if grains != 1 or not mass or not isinstance(material, J2) or history.empty:
+    if grains != 1 or not mass or not isinstance(material, J2 | Elastic) or history.empty:
         raise InputError(
             f"run {path} has {grains} grains of {type(material).__name__}, mass = {mass} and "
-            f"{len(history)} rows, expected one grain of J2, as of mufe new single-grain"
+            f"{len(history)} rows, expected one grain, elastic or j2, as of mufe new single-grain"
         )
     rows = history.iloc[: int(np.argmin(history["height"])) + 1]
     height = rows["height"].to_numpy()

@@ -16,6 +16,19 @@ WORDS = {"E": "Young's modulus", "yield": "the yield stress", "hardening": "the 
 UNITS = {"E": "Pa", "yield": "Pa", "hardening": "Pa", "compliance": "m/N", "offset": "m"}
 
 
+#: Largest over smallest value of an interval from which on nothing is stated.
+LARGEST = 10.0
+
+
+def determined(ends):
+    """Whether an interval states anything: not where its ends are over a factor of ten apart.
+
+    One that reaches to zero or below is none of a factor: it states how large a value is at most.
+    """
+    low, high = ends
+    return low <= 0.0 or high <= LARGEST * low
+
+
 def end_of_table(fit):
     """Plastic strain of the last point of the hardening table, of two digits, and its stress.
 
@@ -60,9 +73,16 @@ def reasons(fit, given, law=None):
             "give --modulus."
         )
     elif _is_wide(fit, "E"):
-        low, high = (with_unit(end, "Pa") for end in fit.interval("E"))
-        said.append(f"The curves do not determine Young's modulus: {low} to {high} fit.")
+        said.append(f"The curves do not determine Young's modulus{_what_fits(fit, 'E')}.")
     return said + ([_other_law(law)] if law and not law.agrees else [])
+
+
+def _what_fits(fit, name):
+    ends = fit.interval(name)
+    if not determined(ends):
+        return ""
+    said = " to ".join(with_unit(end, "Pa") for end in ends)
+    return f": {said} fit"
 
 
 def _is_wide(fit, name):
@@ -90,9 +110,13 @@ def _other_law(law):
     if law.name != "E":
         return said + f"Cut curves at {part:g} of their force, or take the table as a mean."
     # The lowest part has the least of the law of hardening.
-    value, *ends = (with_unit(each, "Pa") for each in (law.values[-1], *law.intervals[-1]))
+    value, ends = with_unit(law.values[-1], "Pa"), law.intervals[-1]
+    if np.isfinite(ends).all() and determined(ends):
+        value += f'" ({" to ".join(with_unit(end, "Pa") for end in ends)})'
+    else:
+        value += '"'
     return said + (
-        f'Give --modulus "{value}" ({" to ".join(ends)}), the lowest part, which others confirm '
+        f'Give --modulus "{value}, the lowest part, which others confirm '
         f"up to {part:g} of the force, or what you know."
     )
 
@@ -131,8 +155,7 @@ def limits_of(fit, given, law=None):
         ]  # fmt: skip
     strain, _, (low, high) = end_of_table(fit)
     if _is_wide(fit, "yield"):
-        ends = " to ".join(with_unit(end, "Pa") for end in fit.interval("yield"))
-        said.append(f"The curves do not determine the yield stress: {ends} fit.")
+        said.append(f"The curves do not determine the yield stress{_what_fits(fit, 'yield')}.")
     if 0.5 * math.log(high / low) > WIDE:
         said.append("The curves do not determine the hardening.")
     said += _alike(fit)
@@ -177,10 +200,12 @@ def material_block(fit, nu, density, unsure=False):
     lines = ["[material]", f'model = "{"j2" if yielded(fit) else "elastic"}"', modulus,
              f"nu = {nu:g}", f'rho = "{density:g} kg/m^3"']  # fmt: skip
     if yielded(fit):
-        strain, stress, _ = end_of_table(fit)
+        strain, stress, ends = end_of_table(fit)
         first = with_unit(fit.material["yield"], "Pa")
         if unsure:
             lines.append("# yield_stress: calibrate again with that E")
+        elif not (determined(fit.interval("yield")) and determined(ends)):
+            lines.append("# yield_stress: state it; the curves do not tell it")
         else:
             last = with_unit(stress, "Pa")
             lines.append(f'yield_stress = [[0.0, "{first}"], [{strain:g}, "{last}"]]')

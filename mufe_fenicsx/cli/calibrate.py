@@ -108,7 +108,9 @@ def _print(printer, result):
     rows = []
     for row in result["parameters"]:
         ends = [row.get(key) for key in ("low", "high")]
-        rows.append([row["name"], with_unit(row["value"], row["unit"]),
+        value = row["value"]
+        value = "not determined" if value is None else with_unit(value, row["unit"])
+        rows.append([row["name"], value,
                      *("" if e is None else with_unit(e, row["unit"]) for e in ends)])  # fmt: skip
     printer.table(["parameter", ">value", ">95 %, from", ">to"], rows)
     printer.say(*result["notes"])

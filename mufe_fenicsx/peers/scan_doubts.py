@@ -3,7 +3,7 @@
 #: Part by which diameters of run and labels may differ: twice what a mesh may have too little or
 #: too much of a grain's volume, and what labels are off by where they were segmented anew.
 LARGEST_DIFFERENCE = 0.03
-#: Part of the grains that may be lost without a word, and of a strain that walls may lack.
+#: Part of the grains that may be lost without a word, and of a strain that walls may be off by.
 SMALL = 0.1
 #: Motion that all grains share beyond that of the run which is told [voxels].
 LARGE_SHIFT = 2.0
@@ -62,6 +62,21 @@ def about_seating(begin, found, height):
     ]
 
 
+def about_ways(walls, cut):
+    """By what walls of motion.csv go, see :mod:`mufe_fenicsx.results.sample_ends`: a sentence.
+
+    Args:
+        walls: Names of all.
+        cut: Names of those at which the scan goes on through the sand.
+    """
+    ways = {
+        "with surfaces of grains that touch them": [w for w in walls if w not in cut],
+        "with centres of all grains, as cuts through the sand": [w for w in walls if w in cut],
+    }
+    told = [f"{', '.join(names)} {way}" for way, names in ways.items() if names]
+    return "Walls of motion.csv go: " + "; ".join(told)
+
+
 def about_walls(places, found, names, size):
     """Whether flat walls come nearer by another strain than centres of grains do.
 
@@ -92,9 +107,9 @@ def about_walls(places, found, names, size):
     return [
         "strains by walls of motion.csv and by centres of grains differ: "
         + ", ".join(axes)
-        + "; walls lack what grains are flattened at them, which is much where samples are few "
-        "grains high: delete columns of walls that stand still, and give motions that were "
-        "measured otherwise for those that move"
+        + "; by chance where samples are few grains high, else because these are no platens, or "
+        "the run is pressed otherwise: delete columns of walls that stand still, and give motions "
+        "that were measured otherwise for those that move, if they are known"
     ]
 
 

@@ -15,9 +15,17 @@ from ..machine.files import new_folder
 from ..report.scan_surfaces import grains_shown, stage_of, view_of, write_surfaces
 from ..report.scans import write_scans
 from ..results import Run
-from ..results.sample_ends import places_by_scans
+from ..results.sample_ends import cut_walls, first_places, places_by_scans
 from ..results.scans import beside, stage_ends, start_moment, start_of
-from .scan_doubts import about_grains, about_lost, about_seating, about_shift, about_walls, beyond
+from .scan_doubts import (
+    about_grains,
+    about_lost,
+    about_seating,
+    about_shift,
+    about_walls,
+    about_ways,
+    beyond,
+)
 from .tracks import read_track
 
 #: Table of all grains, by which a folder of a comparison is known; places of walls by the scans;
@@ -93,16 +101,17 @@ def compare_scans(
             warnings += about_lost(track, names[k])
             warnings += beyond(found[-1].numbers, names[k], images[0].shape[0])
             notices += [] if how.align else about_shift(found[-1].numbers, names[k], size)
-        places = places_by_scans(run, begin, followed)
+        cut = cut_walls(run, images[0], first_places(run, begin), size)
+        places = places_by_scans(run, begin, followed, [f.moment for f in found], size, cut)
         seated_late = about_seating(begin, found, images[0].shape[0])
         of_stages = seated_late + about_walls(places, found, names, size)
         warnings += of_stages
         _write_table(folder / TABLE, names, found)
-        _write_motion(folder / MOTION, places)
-        _write_stages(
-            folder / STAGES, Path(output).resolve() / MOTION, names, of_stages, bool(seated_late)
-        )
-        about = _about(labels[0], tracks, begin, how, states) + [f"Warning: {w}." for w in warnings]
+        ways = about_ways(places[0], cut)
+        comments = [ways, *(f"Warning: {doubt}" for doubt in of_stages)]
+        _write_led(folder, output, places, names, comments, bool(seated_late))
+        about = _about(labels[0], tracks, begin, how, states)
+        about += [f"{ways}.", *(f"Warning: {w}." for w in warnings)]
         view = _write_surfaces(folder, run, begin, images, list(zip(names, found, strict=True)),
                                size, how)  # fmt: skip
         shown = list(zip(names, found, images[1:] or [None] * num, strict=True))
@@ -111,7 +120,8 @@ def compare_scans(
         **_files(output),
         "voxel_size": size,
         **_of_start(begin),
-        "notices": notices,
+        "walls": {wall: "centres" if wall in cut else "surfaces" for wall in places[0]},
+        "notices": [ways, *notices],
         "warnings": warnings,
         "scans": [{"scan": n} | f.numbers for n, f in zip(names, found, strict=True)],
         "seconds": round(time.perf_counter() - start, 2),
@@ -210,6 +220,13 @@ def _write_table(path, names, found):
     table[["scan", *(c for c in table if c != "scan")]].to_csv(path, index=False)
 
 
+def _write_led(folder, output, places, names, comments, before):
+    """Places of walls, and stages that follow them from the folder's later place."""
+    _write_motion(folder / MOTION, places)
+    motion = Path(output).resolve() / MOTION
+    _write_stages(folder / STAGES, motion, names, comments, before)
+
+
 def _write_motion(path, places):
     """Places of walls at each scan, whose number stands for the time."""
     rows = [[k, *found.values()] for k, found in enumerate(places, start=1)]
@@ -247,20 +264,20 @@ def _quoted(text):
     return json.dumps(text, ensure_ascii=False)
 
 
-def _write_stages(path, motion, names, doubts, before):
-    """A stage a scan in which walls go on to where it shows them; doubts stand as comments.
+def _write_stages(path, motion, names, comments, before):
+    """A stage a scan in which walls go on to where it shows them.
 
     Args:
         path: File.
         motion: File of the places of walls.
         names: Of the later scans.
-        doubts: Sentences.
+        comments: Sentences.
         before: Whether the stages belong before that which seats the sample.
     """
     text = [
         f"# {'Before' if before else 'After'} the stage that seats the sample: walls go as its "
         "ends in the scans.\n",
-        *(f"# Warning: {doubt}.\n" for doubt in doubts),
+        *(f"# {comment}.\n" for comment in comments),
         f"# With [output] fields = {len(names) + 1} or more a state is stored at each of them.\n",
     ]
     for row, name in enumerate(stage_names(names), start=2):

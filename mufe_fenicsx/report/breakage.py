@@ -62,15 +62,34 @@ def bearing(history):
     return load(history), "N", "Force"
 
 
-def cracked_grains(source, labels, volume):
+def until(table, state):
+    """Rows of a table, dict column -> array, up to a stored state; the first one at least."""
+    # Times of tables are rounded to nine digits and more.
+    num = np.searchsorted(table["time"], state.time * (1 + 1e-8), side="right")
+    return {name: values[: max(num, 1)] for name, values in table.items()}
+
+
+def first_broken(source, time):
+    """Grains in several pieces at the first stored state from a time [s] on, a list of labels."""
+    for listed in source.run.stored_states:
+        if listed["time"] >= time * (1 - 1e-8):
+            state = source.run.state(listed["index"])
+            pieces = np.unique(np.stack([state.grain, state.field("fragment")]), axis=1)
+            labels, num = np.unique(pieces[0], return_counts=True)
+            return labels[num > 1].tolist()
+    return []
+
+
+def cracked_grains(source, events, labels, volume):
     """:class:`Cracked` of a run.
 
     Args:
         source: :class:`~mufe_fenicsx.report.source.Source`.
+        events: Its table of them, dict column -> array.
         labels: Of the grains, increasing, shape (num_grains,).
         volume: Theirs [m³].
     """
-    events, stored = source.events, source.run.with_contacts()
+    stored = source.run.with_contacts()
     grain, row = np.unique(events["grain"].astype(int), return_index=True)  # rows are by time
     grain, row = grain[np.argsort(row)], np.sort(row)
     near, coordination, of_all = np.full((3, row.size), np.nan)
@@ -195,18 +214,47 @@ def draw_fragments(source):
     )
 
 
+def _when(history, row):
+    """Stage, strain and what the sample bears at a row, in words."""
+    values, symbol, _ = bearing(history)
+    strain, bears = style.strain(history["strain"][row]), style.quantity(values[row], symbol)
+    return f"{history['stage'][row]}, strain {strain}, {bears}"
+
+
+def _loose_rows(source, history, whole):
+    """Rows about the first piece that came loose, of a single grain its strength, too."""
+    broken = np.flatnonzero(history["broken_grains"])
+    if not broken.size:
+        return []
+    grains = first_broken(source, history["time"][broken[0]])
+    named = ("grain " if len(grains) == 1 else "one of grains ") + ", ".join(map(str, grains))
+    rows = [("First piece loose", f"{named}, {_when(history, broken[0])}")]
+    if whole.size == 1:
+        bears, size = load(history), diameter(whole[0])
+        most = int(np.argmax(bears))
+        strain = style.strain(history["strain"][most])
+        for name, force in (
+            (f"Largest force over the diameter squared, at strain {strain}", bears[most]),
+            ("The same until a first piece came loose", bears[: broken[0] + 1].max()),
+        ):
+            rows.append((name, style.quantity(force / size**2, "Pa")))
+    return rows
+
+
 def breakage_rows(source):
-    """Rows (name, value) about grains that break.
+    """Rows (name, value) about grains that break, up to the last stored state.
 
     Raises:
         InputError: There is no table of events, no stored state or no history of loading.
     """
-    history, events = source.history, source.events
+    history, events = (until(table, source.end) for table in (source.history, source.events))
     labels, whole, own, grain = sizes(source)
     numbers, number = breakage(own, grain), labels.size
     parts = [round(number * part) for part in (numbers.split, numbers.chipped)]
-    cracked = cracked_grains(source, labels, whole)
+    cracked = cracked_grains(source, events, labels, whole)
+    last = f"{source.end.stage}, strain {style.strain(source.end.strain)}"
     rows = [
+        ("At the last stored state", last),
         ("Grains that are split, chipped, cracked, without a crack",
          f"{parts[0]}, {parts[1]}, {cracked.grain.size - sum(parts)}, "
          f"{number - cracked.grain.size}"),
@@ -223,30 +271,13 @@ def breakage_rows(source):
         text = f"{style.number(by.sum())} openings, {style.number(1e6 * area)} mm²"
         rows.append((f"Opened by {mode}", text))
     failed = history["failed_area"][-1] / max(history["opened_area"][-1], 1e-300)
-    rows.append(("Failed of the opened area, at the end", f"{failed:.1%}"))
+    rows.append(("Failed of the opened area", f"{failed:.1%}"))
     if not cracked.grain.size:
         return rows
-    values, symbol, _ = bearing(history)
-
-    def when(row):
-        strain, bears = style.strain(history["strain"][row]), style.quantity(values[row], symbol)
-        return f"{history['stage'][row]}, strain {strain}, {bears}"
-
     opened = events["time"][cracked.row[0]]
-    row = min(int(np.searchsorted(history["time"], opened)), len(values) - 1)
-    rows.append(("First crack", f"grain {cracked.grain[0]}, {when(row)}"))
-    broken = np.flatnonzero(history["broken_grains"])
-    if broken.size:
-        rows.append(("First piece loose", when(broken[0])))
-        if number == 1:
-            bears, size = load(history), diameter(whole[0])
-            most = int(np.argmax(bears))
-            for name, force in (
-                (f"Largest force over the diameter squared, at strain "
-                 f"{style.strain(history['strain'][most])}", bears[most]),
-                ("The same until a first piece came loose", bears[: broken[0] + 1].max()),
-            ):  # fmt: skip
-                rows.append((name, style.quantity(force / size**2, "Pa")))
+    row = min(int(np.searchsorted(history["time"], opened)), len(history["time"]) - 1)
+    rows.append(("First crack", f"grain {cracked.grain[0]}, {_when(history, row)}"))
+    rows += _loose_rows(source, history, whole)
     near, known = int(np.nansum(cracked.near)), int(np.isfinite(cracked.near).sum())
     if known:
         rows.append(

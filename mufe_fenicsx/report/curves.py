@@ -1,7 +1,6 @@
 """Figures from the history: stress, forces, energies, monitors, compression."""
 
 import numpy as np
-from matplotlib.ticker import FuncFormatter
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.check_targets import TARGETS
@@ -382,7 +381,7 @@ def draw_monitors(source):
         bottom = values[positive].min() if positive.any() else 1e-3 * target
         axis.set_ylim(max(bottom / 2, 1e-4 * target), top)
         axis.set_title(f"target {100 * target:g} %", loc="right", color=style.RED, fontsize=7.5)
-        axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{_plain(100 * y)} %"))
+        style.plain_log_ticks(axis.yaxis, lambda x: f"{_plain(100 * x)} %")
         axis.set(xlabel=over, ylabel=label)
         style.panel_letter(axis, i)
     shared_legend(axes[0], 5)

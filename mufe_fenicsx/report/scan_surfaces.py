@@ -36,6 +36,7 @@ class Stage:
 
     name: str  #: of the scan
     strain: float  #: of the run there [-]
+    time: float  #: the same [s]
     pairs: dict  #: grain -> (of the run, of the scan), pyvista.PolyData, "distance" at points [m]
 
 
@@ -85,11 +86,14 @@ def stage_of(name, moment, labels, label_of, voxel_size, shift=(0.0, 0.0, 0.0)):
             away = one.compute_implicit_distance(other)["implicit_distance"]
             one.point_data["distance"] = np.asarray(away)
         pairs[grain] = run, scan
-    return Stage(name, moment.strain, pairs)
+    return Stage(name, moment.strain, moment.time, pairs)
 
 
 def write_surfaces(folder, stages):
-    """Write ``surfaces/run_0000.vtp`` …, ``scan_0000.vtp`` … and lists of both for ParaView."""
+    """Write ``surfaces/run_0000.vtp`` …, ``scan_0000.vtp`` … and lists of both for ParaView.
+
+    Their time is that of the run [s], as of its other files: all play together.
+    """
     folder = own_folder(folder / FOLDER)
     for k, kind in enumerate(KINDS):
         listed = []
@@ -100,7 +104,7 @@ def write_surfaces(folder, stages):
                 parts[-1].cell_data["grain"] = np.full(pair[k].n_cells, grain, np.int32)
             file = f"{kind}_{number:04d}.vtp"
             save_polydata(pyvista.merge(parts) if parts else pyvista.PolyData(), folder / file)
-            listed.append({"name": file, "time": number})
+            listed.append({"name": file, "time": stage.time})
         write_series(folder / f"{kind}.vtp.series", listed)
 
 

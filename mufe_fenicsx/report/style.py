@@ -6,7 +6,7 @@ import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from mufe_fenicsx.units import PREFIXES
 
@@ -176,12 +176,17 @@ def heading(axis, text):
     axis.text(0.5, 1.02, text, transform=axis.transAxes, ha="center", va="bottom", fontsize=8)
 
 
-def plain_log_ticks(axis):
-    """Plain numbers at a logarithmic axis, 1, 2, 5, 10 … where few decades are shown."""
+def plain_log_ticks(axis, words="{x:g}".format):
+    """Plain numbers at a logarithmic axis, 1, 2, 5, 10 … where few decades are shown.
+
+    Args:
+        axis: Of the Axes, x or y, with its limits.
+        words: Text of a number ``x``.
+    """
     low, high = axis.get_view_interval()
     few = low > 0 and high / low < 100
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
-    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: words(x=x)))
     axis.set_minor_formatter(NullFormatter())
 
 

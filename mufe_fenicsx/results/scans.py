@@ -44,6 +44,7 @@ class Moment:
     """A run at some strain, between two of its stored states."""
 
     strain: float  #: as the states count it [-]
+    time: float  #: of the run [s], linear between both states
     states: tuple  #: numbers of the two states
     weight: float  #: of the second, 0 to 1
     points: np.ndarray  #: nodes [m], shape (num_nodes, 3)
@@ -74,16 +75,20 @@ def moment_at(run, strain):
     gap = known[min(k + 1, len(known) - 1)] - known[k]
     weight = float((strain - known[k]) / gap) if gap else 0.0
     later = run.state(int(ends[1]))
-    points = later.points
+    points, time = later.points, later.time
     if weight < 1.0:
-        points = (1 - weight) * later.points_of(run.state(int(ends[0]))) + weight * points
-    return Moment(float(strain), tuple(int(e) for e in ends), weight, points, later)
+        first = run.state(int(ends[0]))
+        points = (1 - weight) * later.points_of(first) + weight * points
+        time = (1 - weight) * first.time + weight * time
+    return Moment(float(strain), float(time), tuple(int(e) for e in ends), weight, points, later)
 
 
 def moment_of(run, number):
     """A stored state as a :class:`Moment`."""
     state = run.state(number)
-    return Moment(float(state.strain), (number, number), 1.0, state.points, state)
+    return Moment(
+        float(state.strain), float(state.time), (number, number), 1.0, state.points, state
+    )
 
 
 def stage_ends(run):
@@ -181,8 +186,10 @@ def _fit(moment, labels, voxel_size):
     return found, float(np.sum(dice)) / len(moment.state.labels)
 
 
-def mean_strains(centre, displacement):
-    """Shortening along x, y and z of the linear field that fits displacements best [-], shape (3,).
+def linear_field(centre, displacement):
+    """The linear field that fits displacements best: gradients and constants, shape (4, 3).
+
+    The displacement at x is ``[*x, 1] @ field``.
 
     Args:
         centre: Before [m], (x, y, z), shape (num_grains, 3).
@@ -195,8 +202,12 @@ def mean_strains(centre, displacement):
     if known.sum() < 4:
         raise InputError(f"{known.sum()} tracked grains, expected 4 at least for a strain")
     place = np.column_stack([centre[known], np.ones(known.sum())])
-    gradient, *_ = np.linalg.lstsq(place, displacement[known], rcond=None)
-    return -np.diag(gradient[:3])
+    return np.linalg.lstsq(place, displacement[known], rcond=None)[0]
+
+
+def mean_strains(centre, displacement):
+    """Shortening along x, y and z of the :func:`linear_field` of displacements [-], shape (3,)."""
+    return -np.diag(linear_field(centre, displacement)[:3])
 
 
 def shortenings(run, grains, known, seated):

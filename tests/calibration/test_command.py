@@ -5,13 +5,17 @@ import tomllib
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
+from mufe_fenicsx.calibration import sentences
 from mufe_fenicsx.calibration.calibrate import Options, calibrate
 from mufe_fenicsx.calibration.data import Size, read_data
-from mufe_fenicsx.calibration.fit import Given
+from mufe_fenicsx.calibration.fit import Fit, Given
 from mufe_fenicsx.calibration.friction import mindlin_force
 from mufe_fenicsx.calibration.model import Setup
 from mufe_fenicsx.calibration.own_mesh import shape_of_runs
+from mufe_fenicsx.cli.calibrate import _print
+from mufe_fenicsx.cli.terminal import Printer
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.scene import load_scene
@@ -61,6 +65,9 @@ def test_what_is_written(tmp_path):
     found = J2(to_si(material["E"], "Pa", ""), material["nu"], 2500.0, table)
     assert found.E == pytest.approx(E, rel=0.1)  # three curves of 1 %, a soft machine
     assert block["contact"]["friction"] == pytest.approx(0.25, abs=0.01)
+    assert block["fracture"] == {"scatter": "grain"}  # what grains bear is not what facets do
+    text = (tmp_path / "out" / "material.toml").read_text()
+    assert "# energy: state it; the data do not tell it." in text and "# Begin with stren" in text
     names = [row["name"] for row in result["parameters"]]
     assert "Weibull modulus" in names and "friction" in names
     rows = (tmp_path / "out" / "parameters.csv").read_text().splitlines()
@@ -98,6 +105,41 @@ def test_tables_that_cannot_be_used(tmp_path, text, said):
     assert not (tmp_path / "out").exists()
 
 
+def test_an_interval_of_more_than_a_factor_of_ten_states_nothing(tmp_path, capsys):
+    """The strength of n grains with a modulus m is known to a factor exp(±2/(m √n)) about.
+
+    With m = 0.5 its ends are a factor of 36 apart for five grains, of 3.5 for forty.
+    """
+    for number, wide in ((5, True), (40, False)):
+        forces = 20.0 * np.random.default_rng(3).weibull(0.5, number)
+        (tmp_path / "f.csv").write_text("force [N]\n" + "".join(f"{f:.4f}\n" for f in forces))
+        options = Options(SETUP, Given(), 2500.0, BALL)
+        found = calibrate([tmp_path / "f.csv"], options, tmp_path / "out", overwrite=True)
+        rows = (tmp_path / "out" / "parameters.csv").read_text().splitlines()
+        assert (found["parameters"][1]["value"] is None) == wide
+        assert "strength F/d²" in rows[2] and rows[2].endswith(",,,,Pa") == wide
+        assert ("# Begin with strength" in found["material"]) != wide
+        _print(Printer(None), found)
+        assert ("not determined" in capsys.readouterr().out) == wide
+
+
+@pytest.mark.parametrize("half", [1.0, 1.3])
+def test_a_yield_stress_that_is_not_determined_is_no_line_of_the_block(half):
+    """Intervals of exp(±half): a factor of 7.4 is stated, one of 13.5 is not."""
+    covariance = np.diag([1e-4, (half / student.ppf(0.975, 1000)) ** 2, 1e-4])
+    material = {"E": 7e10, "yield": 1e9, "hardening": 1e10}
+    fit = Fit(
+        list(material), np.log(list(material.values())), covariance, 1000, [], 0.01, 0.01, 0.05,
+        3.0, [], material,
+    )  # fmt: skip
+    said = " ".join(sentences.limits_of(fit, Given()))
+    block = sentences.material_block(fit, 0.2, 2500.0)
+    assert ("yield stress: 367.9 MPa to 2.718 GPa fit" in said) == (half == 1.0)
+    assert "The curves do not determine the yield stress" in said
+    assert ("\nyield_stress = " in block) == (half == 1.0)
+    assert ("\n# yield_stress: state it" in block) == (half == 1.3)
+
+
 def test_a_table_without_sizes_and_a_command_without_them(tmp_path):
     """One line, status 2, nothing left."""
     path = tmp_path / "data.csv"
@@ -132,16 +174,28 @@ def test_unloading_is_left_out_and_said(tmp_path):
 
 
 def write_run(folder, factor, yield_stress=1e9):
-    """A run of a ball whose forces are those of the table times a function of the approach."""
+    """A run of a ball whose forces are those of the table times a function of the approach.
+
+    An elastic ball, without a yield stress, has those of Hertz.
+    """
     folder.mkdir()
-    table = f"[[0.0, {yield_stress:g}], [0.05, {yield_stress + 1e9:g}]]"
-    (folder / "scene.toml").write_text(SMALLEST.replace("[[0.0, 10e6], [0.05, 110e6]]", table))
+    text, x = SMALLEST, np.linspace(0.0, 0.02, 200)
+    table = "yield_stress = [[0.0, 10e6], [0.05, 110e6]]\n"
+    if yield_stress is None:
+        text = text.replace(table, 'model = "elastic"\n')
+    else:
+        own = f"[[0.0, {yield_stress:g}], [0.05, {yield_stress + 1e9:g}]]"
+        text = text.replace(table, f"yield_stress = {own}\n")
+    (folder / "scene.toml").write_text(text)
     material = load_scene(folder / "scene.toml").material
     radius, height = 0.4e-3, 0.83e-3
-    (strain, stress) = material.yield_table()
-    slope = (stress[-1] - stress[0]) / strain[-1]
-    delta, force, _ = Setup(material.nu).course(material.E, stress[0], slope)
-    x = np.linspace(0.0, 0.02, 200)
+    if yield_stress is None:
+        stress, slope = [material.E], material.E
+        delta, force = x, 4 / 3 * material.E / (1 - material.nu**2) * x**1.5
+    else:
+        (strain, stress) = material.yield_table()
+        slope = (stress[-1] - stress[0]) / strain[-1]
+        delta, force, _ = Setup(material.nu).course(material.E, stress[0], slope)
     rows = {
         "step": np.arange(200),
         "height": height - 2 * radius * x,
@@ -154,7 +208,7 @@ def write_run(folder, factor, yield_stress=1e9):
     (folder / "history.csv").write_text("\n".join(lines) + "\n")
     mass = material.rho * 4 / 3 * np.pi * radius**3
     (folder / "run.json").write_text(json.dumps({"num_grains": 1, "mass": mass}))
-    return stress[0] / material.contact_modulus, slope / stress[0], material
+    return stress[0] * (1 - material.nu**2) / material.E, slope / stress[0], material
 
 
 def test_runs_with_its_mesh_tell_the_shape_of_a_grain(tmp_path):
@@ -178,9 +232,14 @@ def test_runs_with_its_mesh_tell_the_shape_of_a_grain(tmp_path):
     assert both.distance(own[0] * 4, own[1]) > 0.5
 
 
-def test_a_run_s_own_forces_give_its_material_back(tmp_path):
+@pytest.mark.parametrize("yield_stress", [1e9, None])
+def test_a_run_s_own_forces_give_its_material_back(tmp_path, yield_stress):
     """With 1 % of noise, and a machine that is known; without that it is refused."""
-    _, _, material = write_run(tmp_path / "run", lambda x: 1.2 * (1 - 0.1 * np.log10(x + 1e-3)))
+
+    def shape(x):
+        return 1.2 * (1 - 0.1 * np.log10(x + 1e-3))
+
+    _, _, material = write_run(tmp_path / "run", shape, yield_stress)
     rows = np.genfromtxt(tmp_path / "run" / "history.csv", delimiter=",", names=True)[1:]
     force = rows["force_z_min"] * (1 + 0.01 * np.random.default_rng(0).standard_normal(199))
     text = "".join(
@@ -194,8 +253,7 @@ def test_a_run_s_own_forces_give_its_material_back(tmp_path):
     run_mufe("calibrate", *given, "--compliance", "0 m/N", "--json", tmp_path / "found.json")
     written = json.loads((tmp_path / "found.json").read_text())
     found = {row["name"]: row for row in written["parameters"]}
-    for name, true in (
-        ("Young's modulus", material.E),
-        ("yield stress", material.yield_table()[1][0]),
-    ):
+    sought = {"Young's modulus": material.E} | ({"yield stress": 1e9} if yield_stress else {})
+    for name, true in sought.items():
         assert found[name]["low"] < true < found[name]["high"]
+    assert ("yield stress" in found) == (yield_stress is not None)

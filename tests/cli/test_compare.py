@@ -71,14 +71,19 @@ def test_a_run_against_its_images(mufe, place):
     assert "Overlap of grains with their labels (Dice), mean" in page and page.count("<figure") == 4
     assert '"sources": [{"kind": "run", "stage": 0}' in page and "Surfaces of 6 grains" in page
     assert (place / "run-scans" / "surfaces" / "scan_0001.vtp").is_file()
-    # Stages can follow the ends of the sample. Balls of two layers come nearer by 0.02 of half of
-    # its height, and count as rigid; 0.1 voxels of 32 at both ends are 0.006.
+    # Stages can follow the ends of the sample, pressed evenly by 0.02: in one half balls come
+    # nearer, in the other they are flattened. 0.1 voxels of 32 at both ends are 0.006.
     motion = read_measured(
         place / "run-scans" / "motion.csv", columns_of(Run(place / "run").container)
     )
     height = motion.columns["z_max"] - motion.columns["z_min"]
-    assert 1 - height[1] / height[0] == pytest.approx(0.01, abs=6e-3)
+    assert 1 - height[1] / height[0] == pytest.approx(0.02, abs=6e-3)
     assert told["stages"] == "run-scans/stages.toml"
+    assert set(told["walls"].values()) == {"surfaces"} and len(told["walls"]) == 6
+    ways = (
+        "Walls of motion.csv go: x_min, x_max, y_min, y_max, z_min, z_max with surfaces of grains"
+    )
+    assert ways in out and ways in (place / "run-scans" / "stages.toml").read_text()
 
 
 def test_a_scan_mounted_anew_with_a_grain_lost(mufe, place, monkeypatch):

@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import replace
+from itertools import pairwise
 
 import matplotlib
 import numpy as np
@@ -190,3 +191,19 @@ def test_figures_beside_scans(look):
         assert [legends_beside_axes(drawing.figure) for drawing in drawn] == [1, 0, 0, 0]
         panels = [sum(bool(a.get_title(loc="left")) for a in d.figure.axes) for d in drawn]
         assert panels == ([3, 6, 3, 3] if num == 20 else [3, 3, 1, 3])
+
+
+def test_ticks_of_monitors_are_shares_and_do_not_run_together(look, tmp_path):
+    """Of values alike, which a decade and a half shows, and of values over five decades."""
+    for decades in (0.0, 5.0):
+        history = fake_history()
+        fall = 10.0 ** -np.linspace(0, decades, len(history["step"]))
+        history["kinetic"] = 0.04 * fall * (history["elastic"] + history["plastic"])
+        for axis in draw(tmp_path, history, curves.draw_monitors):
+            labels = [t for t in axis.yaxis.get_ticklabels(which="both") if t.get_text()]
+            assert all(label.get_text().endswith(" %") for label in labels)
+            low, high = axis.yaxis.get_view_interval()
+            boxes = [t.get_window_extent() for t in labels if low <= t.get_position()[1] <= high]
+            ends = sorted((box.y0, box.y1) for box in boxes)
+            assert len(ends) >= 2
+            assert all(top < bottom for (_, top), (bottom, _) in pairwise(ends))

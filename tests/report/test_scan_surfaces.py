@@ -33,7 +33,7 @@ def stages():
     state = SimpleNamespace(
         cells=np.concatenate([cells, cells + len(ball)]), grain=np.repeat([10, 11], len(cells))
     )
-    moment = Moment(0.0, (0, 0), 1.0, points, state)
+    moment = Moment(0.0, 2e-6, (0, 0), 1.0, points, state)
     labels = voxels_of(moment, (60, 30, 30), VOXEL)
     higher = np.roll(labels, SHIFT, axis=0)
     of_stage = {"a.tif": (labels, {10: 10, 11: 11}), "b.tif": (higher, {10: 10, 11: 0})}
@@ -94,6 +94,7 @@ def test_paraview_gets_all_of_them(stages, tmp_path):
     for k, kind in enumerate(("run", "scan")):
         series = json.loads((tmp_path / "surfaces" / f"{kind}.vtp.series").read_text())
         assert [f["name"] for f in series["files"]] == [f"{kind}_0000.vtp", f"{kind}_0001.vtp"]
+        assert [f["time"] for f in series["files"]] == [2e-6, 2e-6]  # of the run, as its states
         mesh = pyvista.read(tmp_path / "surfaces" / f"{kind}_0000.vtp")
         assert set(mesh["grain"]) == {10, 11}
         assert mesh.n_points == sum(pair[k].n_points for pair in stages[0].pairs.values())

@@ -9,14 +9,23 @@ import pytest
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from mufe_fenicsx.container import BOX, HOLLOW_CYLINDER
+from mufe_fenicsx.analysis.kinematics import grain_motion
+from mufe_fenicsx.container import BOX, CYLINDER, HOLLOW_CYLINDER
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.geometry.image.label_files import write_labels
 from mufe_fenicsx.geometry.tracking.track import Track
+from mufe_fenicsx.loading.measured import read_measured
+from mufe_fenicsx.loading.measured_paths import columns_of
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.peers.scans import compare_scans
 from mufe_fenicsx.results import Run
-from mufe_fenicsx.results.sample_ends import places_by_scans, wall_places
+from mufe_fenicsx.results.sample_ends import (
+    SIDES,
+    _with_centres,
+    cut_walls,
+    grain_ends,
+    places_by_scans,
+)
 from mufe_fenicsx.results.scans import Start, moment_of, voxels_of
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Output, Scene, Solver, load_scene, scene_to_toml
@@ -27,50 +36,117 @@ from tests.made_up_run import write_run
 VOXEL = RADIUS / 16
 
 
-def test_walls_touch_points_from_outside():
-    """A ring of points between radii of 2 and 3 about (5, 1), 4 high."""
+def test_how_far_grains_reach_out_to_walls():
+    """A ring of points between radii of 2 and 3 about (5, 1), 4 high, and a grain within it."""
     angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
     circle = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     ring = np.concatenate([2 * circle, 3 * circle + np.array([0, 0, 4])]) + np.array([5, 1, 0])
     run = SimpleNamespace(
         container=HOLLOW_CYLINDER, summary={"container": {"centre": [5.0, 1.0]}}, path="run"
     )
-    assert wall_places(run, ring) == pytest.approx(
-        {"side": 3.0, "inner": 2.0, "z_min": 0.0, "z_max": 4.0}
-    )
+    points, grain = np.concatenate([ring, [[7.5, 1.0, 1.0]]]), np.repeat([0, 1], [80, 1])
+    ends = grain_ends(run, points, grain)
+    walls = {"side": [3, 2.5], "inner": [-2, -2.5], "z_min": [0, -1], "z_max": [4, 1]}
+    assert list(ends) == list(run.container.walls) == list(walls)
+    assert np.array(list(ends.values())) == pytest.approx(np.array(list(walls.values())))
     run.container = BOX
-    assert list(wall_places(run, ring).values()) == pytest.approx([2, 8, -2, 4, 0, 4], abs=1e-12)
+    flat = [ends[0] for ends in grain_ends(run, points, grain).values()]
+    assert flat == pytest.approx([-2, 8, 2, 4, 0, 4], abs=1e-12)
 
 
-def test_walls_go_as_far_as_the_grains_that_move_and_turn(tmp_path):
-    """Quarter turns about x and a shift take bounds of y to z; a lost grain moves no wall."""
-    write_run(tmp_path, counts=(2, 2, 2))
-    run = Run(tmp_path)
-    state = run.state(0)
-    points = state.points[np.unique(state.cells)]
-    middle, quarter = points.mean(axis=0), np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-    centre = np.array([state.points[state.cells[state.grain == g]].mean(axis=(0, 1))
-                       for g in range(10, 18)])  # fmt: skip
-    shift = np.array([3e-5, 0, -1e-5])
-    track = Track(
-        np.arange(8), np.arange(8), centre, (centre - middle) @ (quarter.T - np.eye(3)) + shift,
-        np.tile(quarter, (8, 1, 1)), np.zeros(8),
-    )  # fmt: skip
+def made_up(folder):
+    """A made-up run of eight balls, its state as meshed, one that is pressed, and its start."""
+    write_run(folder, counts=(2, 2, 2))
+    run = Run(folder)
     start = Start({10 + k: k for k in range(8)}, False, (1.0, 1.0), 8, 1.0)
-    first, later = places_by_scans(run, start, [track])
+    return run, run.state(0), moment_of(run, 1), start
+
+
+def ends_of(run, state, points):
+    """Ends of the grains of a state at other places of its nodes."""
+    nodes, at = np.unique(state.cells, return_index=True)
+    return grain_ends(run, points[nodes], np.repeat(state.grain, 4)[at] - 10)
+
+
+def test_walls_go_as_far_as_grains_that_move_and_turn_and_are_flattened(tmp_path):
+    """Motion of the run and a quarter turn of all: bounds of y go to z; a lost grain moves none.
+
+    Touching are the grains that end near a wall in the run; these are turned away in the scan.
+    """
+    run, first, moment, start = made_up(tmp_path)
+    state = moment.state
+    own = grain_motion(state.reference, state.points, state.cells, state.grain)
+    middle, quarter = own.centre.mean(axis=0), np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    shift = np.array([3e-5, 0, -1e-5])
 
     def turned(x):
         return (x - middle) @ quarter.T + middle + shift
 
-    assert first == pytest.approx(wall_places(run, points), abs=1e-15)
-    assert later == pytest.approx(wall_places(run, turned(points)), abs=1e-15)
-    displacement = track.displacement.copy()
-    displacement[0] = np.nan
-    without = places_by_scans(run, start, [replace(track, displacement=displacement)])[1]
-    rest = state.points[np.unique(state.cells[state.grain != 10])]
-    before, after = wall_places(run, rest), wall_places(run, turned(rest))
-    wanted = {w: first[w] + after[w] - before[w] for w in first}
-    assert without == pytest.approx(wanted, abs=1e-15)
+    track = Track(
+        np.arange(8), np.arange(8), own.centre, turned(own.centre + own.translation) - own.centre,
+        quarter @ own.rotation, np.zeros(8),
+    )  # fmt: skip
+    size = RADIUS / 50  # of which a tenth parts the grains: two to four touch a wall
+    reach = ends_of(run, first, first.points)
+    before = {w: SIDES[w] * ends.max() for w, ends in reach.items()}
+    now, seen = (ends_of(run, state, x) for x in (state.points, turned(state.points)))
+    for lost in (None, 7):
+        displacement, left = track.displacement.copy(), np.arange(8) != lost
+        displacement[~left] = np.nan
+        known = replace(track, displacement=displacement)
+        places = places_by_scans(run, start, [known], [moment], size)
+        after = {}
+        for w, ends in now.items():
+            touch = left & (ends >= ends[left].max() - 0.1 * size)
+            after[w] = SIDES[w] * (ends[left].max() + np.median((seen[w] - ends)[touch]))
+        assert places[0] == pytest.approx(before, abs=1e-15)
+        assert places[1] == pytest.approx(after, abs=1e-15)
+
+
+def test_walls_at_cuts_go_with_the_centres(tmp_path):
+    """Centres in a linear field: walls in it, too; round ones by half of both shortenings."""
+    run, _, moment, start = made_up(tmp_path)
+    state = moment.state
+    centre = grain_motion(state.reference, state.points, state.cells, state.grain).centre
+    field = np.diag([0.01, 0.02, -0.05]) + 0.03 * np.eye(3)[[1, 0, 2]] * [1, 1, 0]
+    moved = centre @ field + np.array([1e-5, 2e-5, 3e-5])
+    turn = np.tile(np.eye(3), (8, 1, 1))
+    track = Track(np.arange(8), np.arange(8), centre, moved, turn, np.zeros(8))
+    cut = ("y_max", "z_min")
+    first, later = places_by_scans(run, start, [track], [moment], VOXEL, cut)
+    beside = centre.mean(axis=0)[0]
+    assert later["z_min"] == pytest.approx(0.95 * first["z_min"] + 3e-5, abs=1e-15)
+    wanted = 1.02 * first["y_max"] + 0.03 * beside + 2e-5
+    assert later["y_max"] == pytest.approx(wanted, abs=1e-15)
+    on = places_by_scans(run, start, [track], [moment], VOXEL)[1]
+    assert {w for w in first if later[w] != on[w]} == set(cut)
+    assert _with_centres("side", 2.0, track) == pytest.approx(2.0 * 1.015, abs=1e-12)
+
+
+@pytest.mark.parametrize("container", [BOX, CYLINDER])
+def test_cuts_through_sand_have_its_share_of_solid(container):
+    """Balls on a grid about the axis of the container, cut at two walls, whole at the others.
+
+    A plane through the middle of touching balls has π/4 of solid where the volume has π/6; one that
+    touches them has none, and the layer of a voxel on it 2πR/(4R²) of a voxel's half: 0.1.
+    """
+    n, radius = 48, 8
+    z, y, x = np.ogrid[:n, :n, :n]
+    off = [(c + 0.5) % (2 * radius) - radius for c in (z, y, x)]
+    labels = (off[0] ** 2 + off[1] ** 2 + off[2] ** 2 < radius**2).astype(int)
+    labels[40:], places = 0, {"z_min": 0.0, "z_max": 40.0}
+    if container is BOX:
+        labels[:, :, :8] = 0
+        cut, places = ["x_min", "z_max"], {"x_min": 8.0, "x_max": 48.0, "y_min": 0.0} | places
+        places["y_max"] = 48.0
+    else:
+        labels[:, np.hypot(y - 23.5, x - 23.5)[0] >= 20] = 0
+        cut, places = ["side", "z_max"], {"side": 20.0} | places
+    run = SimpleNamespace(
+        container=container, summary={"container": {"centre": [2.4e-4, 2.4e-4]}}, path="run"
+    )
+    in_metres = {wall: 1e-5 * place for wall, place in places.items()}
+    assert cut_walls(run, labels, in_metres, 1e-5) == cut
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +205,26 @@ def test_a_run_led_by_the_images_of_another_one(place, monkeypatch):
     assert [scan["beside"] for scan in told["scans"]] == ["stage"] * 2
     assert [scan["states"] for scan in told["scans"]] == [[1, 1], [2, 2]]
     assert max(scan["mean_difference_voxels"] for scan in told["scans"]) < 0.2
+
+
+def test_platens_flatten_the_grains_of_a_low_sample(tmp_path, monkeypatch):
+    """Balls two high: centres come nearer by 2.1 voxels, platens by 2.8, for they flatten balls.
+
+    To 0.2 voxels a length: 0.1 at each of two walls, as tracks are held to in `test_tracking`.
+    """
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **options: Path(path).touch())
+    save_grains(tmp_path / "grains", packed_grains((2, 2, 2)))
+    run = pushed(tmp_path, "run", Stage("a", z=Axis(strain=0.05, walls="max")))
+    scans, moments = (
+        [tmp_path / f"scan{k}.tif" for k in (0, 1)],
+        [moment_of(run, k) for k in (0, 1)],
+    )
+    for scan, moment in zip(scans, moments, strict=True):
+        write_labels(scan, voxels_of(moment, (72, 72, 72), VOXEL), VOXEL)
+    told = compare_scans(run.path, scans, tmp_path / "out")
+    assert set(told["walls"].values()) == {"surfaces"}
+    motion = read_measured(tmp_path / "out" / "motion.csv", columns_of(run.container)).columns
+    used = np.unique(run.state(0).cells)
+    for k, moment in enumerate(moments):
+        led = [motion[f"{a}_max"][k] - motion[f"{a}_min"][k] for a in "xyz"]
+        assert led == pytest.approx(np.ptp(moment.points[used], axis=0), abs=0.2 * VOXEL)

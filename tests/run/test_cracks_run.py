@@ -23,7 +23,7 @@ from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.fracture import Fracture
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.output.contacts import read_contacts
-from mufe_fenicsx.output.fields import read_state, read_states
+from mufe_fenicsx.output.fields import SERIES, read_state, read_states
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.output.run_folder import read_run_json
 from mufe_fenicsx.report import breakage, style, write_report
@@ -220,10 +220,14 @@ def test_the_report_shows_what_broke(broken, tmp_path):
     assert energies["cracks_fracture [J]"][-1] == history["cracks_fracture"][-1]
     assert len(sizes["diameter [m]"]) == numbers["num_fragments"] + 3 - history["broken_grains"][-1]
     broke, num_states = int(np.argmax(history["broken_grains"] > 0)), len(read_states(folder))
+    state = next(s for s in map(Run(folder).state, range(num_states))
+                 if s.time >= history["time"][broke] * (1 - 1e-9))  # fmt: skip
+    grains = [g for g in (1, 2, 3) if state.field("fragment")[state.grain == g].any()]
+    grains = ("grain " if len(grains) == 1 else "one of grains ") + ", ".join(map(str, grains))
     for text in (
         f"B (Einav 2007)</td><td>{number(numbers['einav'])}<",
         f"Fragments of broken grains</td><td>{number(numbers['num_fragments'])}<",
-        f"First piece loose</td><td>{history['stage'][broke]}, strain",
+        f"First piece loose</td><td>{grains}, {history['stage'][broke]}, strain",
         "Fracture work</td>",
         '"name": "fragment"',
         f"at {num_states} of {num_states} stored states",
@@ -232,6 +236,24 @@ def test_the_report_shows_what_broke(broken, tmp_path):
     with matplotlib.rc_context(style.RC):
         for draw in (breakage.draw_breakage, breakage.draw_fragments):
             assert legends_beside_axes(draw(Source(folder)).figure)
+
+
+def test_the_table_of_breakage_is_of_one_moment(broken, tmp_path):
+    """A run killed after its last stored state: rows of tables beyond that do not count."""
+    folder = shutil.copytree(broken / "whole", tmp_path / "killed")
+    series, events = folder / "fields" / SERIES, read_history(folder / "events.csv")
+    listed = json.loads(series.read_text())
+    times = Run(folder).states["time"].to_numpy()
+    before = np.flatnonzero((times > events["time"][0]) & (times < events["time"][-1]))[-1]
+    listed["files"] = listed["files"][: before + 1]
+    series.write_text(json.dumps(listed))
+    rows = dict(breakage.breakage_rows(Source(folder)))
+    for mode in ("tension", "shear"):
+        num = np.sum((events["mode"] == mode) & (events["time"] <= times[before]))
+        assert rows[f"Opened by {mode}"].startswith(f"{num} openings")
+    state = Run(folder).state(-1)
+    strain = f"strain {style.strain(state.strain)}"
+    assert rows["At the last stored state"] == f"{state.stage}, {strain}"
 
 
 def test_a_run_that_goes_back_closes_what_had_opened_since(broken, monkeypatch):
