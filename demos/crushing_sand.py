@@ -113,7 +113,7 @@ if __name__ == "__main__":
     )
     parser.add_argument("folder", type=Path, help="folder of the packing and the run")
     parser.add_argument("--count", type=int, default=60, help="number of grains")
-    parser.add_argument("--edges", type=float, default=5.0, help="edges a diameter")
+    parser.add_argument("--edges", type=float, default=5.5, help="edges a diameter")
     parser.add_argument("--strength", type=float, default=30.0, help="of facets [MPa]")
     parser.add_argument("--modulus", type=float, default=5.0, help="m of Weibull's law")
     parser.add_argument("--stress", type=float, default=50.0, help="largest stress [MPa]")

@@ -297,7 +297,7 @@ class MassScaling:
     )  # fmt: skip
     time_step: float | None = setting(
         None, "s",
-        "of a single element, wanted; None: what is allowed, with [fracture] that of the start",
+        "of a single element, wanted; None: what is allowed, with [fracture] that of the worst one",
         gt=0,
     )  # fmt: skip
 
