@@ -13,7 +13,9 @@ grain along the normal of a wall by x and z, and w the place of the wall in the 
 
     w' = w + median of (e' - e) over the grains that touch it in the run,
 
-which end within the error of a track from it. How much grains are flattened follows from how near
+which end within the error of a track from the outermost. Nodes stand out beyond walls that press on
+facets, the more the harder. So w follows from the distance of both walls in the history, and the
+ends stand out alike at both. How much grains are flattened follows from how near
 they come, hardly from what they are made of: ten times softer balls without plastic flow do.
 
 **Cuts** are walls of the run where the scan goes on through the sand. Grains go on there, too, and
@@ -143,6 +145,7 @@ def places_by_scans(run, start, tracks, moments, voxel_size, cut=()):
     found = [first_places(run, start)]
     for track, moment in zip(tracks, moments, strict=True):
         ours, theirs = _ends(run, start, track, moment)
+        beyond_walls = _beyond_walls(run, moment.time, {w: of.max() for w, of in ours.items()})
         now = {}
         for wall, place in found[0].items():
             if wall in cut:
@@ -150,7 +153,7 @@ def places_by_scans(run, start, tracks, moments, voxel_size, cut=()):
             else:
                 end = ours[wall].max()
                 beyond = (theirs[wall] - ours[wall])[ours[wall] >= end - TOUCHING * voxel_size]
-                now[wall] = float(SIDES[wall] * (end + np.median(beyond)))
+                now[wall] = float(SIDES[wall] * (end - beyond_walls[wall] + np.median(beyond)))
         found.append(now)
     return found
 
@@ -161,7 +164,30 @@ def first_places(run, start):
     mine = np.isin(moment.state.grain, list(start.grains))
     points = moment.points[np.unique(moment.state.cells[mine])]
     ends = grain_ends(run, points, np.zeros(len(points), dtype=int))
-    return {wall: float(SIDES[wall] * reach[0]) for wall, reach in ends.items()}
+    ends = {wall: reach[0] for wall, reach in ends.items()}
+    time = moment.time if start.seated else float(run.history["time"].iloc[0])
+    beyond = _beyond_walls(run, time, ends)
+    return {wall: float(SIDES[wall] * (reach - beyond[wall])) for wall, reach in ends.items()}
+
+
+def _beyond_walls(run, time, ends):
+    """How far ends of all grains stand out beyond each wall, alike at both of an axis [m].
+
+    Args:
+        run: :class:`~mufe_fenicsx.results.run.Run`.
+        time: Of the run [s].
+        ends: Dictionary {wall: how far the outermost grain reaches, see :func:`grain_ends`}.
+    """
+    history, container, found = run.history, run.container, {}
+    names = list(container.walls)
+    for length, of in zip(run.lengths(history).T, container.walls_of_axis, strict=True):
+        now, walls = np.interp(time, history["time"], length), [names[k] for k in of]
+        for wall in walls:
+            if len(walls) == 1:  # whose length is its diameter
+                found[wall] = ends[wall] - 0.5 * SIDES[wall] * now
+            else:
+                found[wall] = 0.5 * (sum(ends[each] for each in walls) - now)
+    return found
 
 
 def _ends(run, start, track, moment):
