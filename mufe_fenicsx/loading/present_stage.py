@@ -69,6 +69,12 @@ class PresentStage(Stateful):
         return self.ends or self.stage.until is None
 
     @property
+    def has_no_end(self):
+        """Whether something goes at a speed, and nothing says for how long."""
+        at_speed = any(task.at_speed for task in self.all_tasks)
+        return at_speed and self.stage.until is None and not self.ends
+
+    @property
     def has_servo(self):
         """Whether walls follow a stress."""
         return any(task.servo for task in self.tasks)

@@ -50,7 +50,7 @@ import math
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, SolverError
 from ..machine.ranks import on_first_rank
 from ..state import Stateful
 from .apparatus import Apparatus
@@ -158,7 +158,9 @@ class StagedLoading(Stateful):
     @property
     def part_done(self):
         """Of all stages, as far as known without asking other ranks."""
-        return (self.index + 0.5 * self._now.s) / len(self.program)
+        now = self._now  # which has gone half its way where it is to come to rest there
+        part = max([0.5 * now.s if now.ends else 0.0, *now.parts])
+        return (self.index + min(max(part, 0.0), 1.0)) / len(self.program)
 
     @property
     def finished(self):
@@ -271,6 +273,11 @@ class StagedLoading(Stateful):
         stage, motion = self.program[self.index], self.motions.get(self.index)
         stress = gauges.axis_stress(forces)
         self._now = apparatus.begin(stage, motion, held, forces)
+        if self._now.has_no_end:
+            raise SolverError(
+                f'stage "{stage.name}": until is missing, expected what ends a stage at a speed '
+                "whose strains are there at its start"
+            )
         self._updated = -1
         tasks, held = self._now.tasks, apparatus.speed_of_servos(self._now)
         apparatus.paces.begin(tasks, self.loaded, held)

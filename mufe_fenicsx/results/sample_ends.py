@@ -24,7 +24,8 @@ A plane through sand cuts the same share of solid as there is in the volume (A. 
 that touches it none: a wall is a cut if the layer of voxels inside it has over half of the share
 of the sample.
 
-Errors of walls' strains along three axes (root mean square) at strains of 0.03 and 0.05 to 0.06:
+Errors of strains, against the ends of the run's nodes, along three axes (root mean square) at
+strains of 0.03 and 0.05 to 0.06:
 
     grains high; voxels a grain     2.3; 26  2.3; 20  7.8; 26  7.8; 17
     here, beside the same run        0.0006   0.0006   0.0002   0.0003

@@ -454,3 +454,7 @@ def test_stages_without_an_end_are_refused():
     with pytest.raises(InputError, match="hold = 0"):
         Stage("nothing")
     assert SimpleNamespace(**Until(time=1.0).given).time == 1.0
+    # Whose strains are reached before it begins, which no scene can tell.
+    touch, on = Stage("touch", hold=1e-6), Stage("on", z=Axis(speed=0.02), xy=Axis(strain=0.0))
+    with pytest.raises(SolverError, match='stage "on": until is missing'):
+        march(*block((touch, on)))
