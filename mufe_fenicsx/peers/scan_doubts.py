@@ -7,10 +7,12 @@ LARGEST_DIFFERENCE = 0.03
 SMALL = 0.1
 #: Motion that all grains share beyond that of the run which is told [voxels].
 LARGE_SHIFT = 2.0
+#: Distance of labels of the first scan from grains of the run, in the mean, which is told [voxels].
+LARGE_OFFSET = 1.0
 
 
 def about_grains(begin, run, first, size):
-    """What the labels of the first scan lack, and whether their voxels are as large as meshed."""
+    """What labels of the first scan lack; whether voxels are as large, and where, as meshed."""
     told = []
     lacking = begin.num_grains - len(begin.grains)
     if lacking:
@@ -23,6 +25,12 @@ def about_grains(begin, run, first, size):
             f"grains of {first} are {begin.diameter_ratio:.3g} times as wide as those of "
             f"{run.path} (median), expected 1: with voxels of {size / begin.diameter_ratio:.3g} m "
             f"instead of {size:.3g} m they would be as wide"
+        )
+    elif max(map(abs, begin.offset)) > LARGE_OFFSET:
+        off = ", ".join(f"{o:.1f}" for o in begin.offset)
+        told.append(
+            f"labels of {first} lie {off} voxels (x, y, z) beside the grains of {run.path}, in the "
+            "mean, expected 0: give them cropped as those that were meshed"
         )
     return told
 

@@ -149,6 +149,7 @@ class Start:
     overlaps: tuple  #: mean Dice of all grains with the labels, as meshed and seated [-]
     num_grains: int  #: of the run
     diameter_ratio: float  #: diameters of equal volume, labels over run, median [-]
+    offset: tuple = (0.0, 0.0, 0.0)  #: centres of labels less those of the run [voxels], x, y, z
 
 
 def start_of(run, labels, voxel_size, source):
@@ -175,7 +176,17 @@ def start_of(run, labels, voxel_size, source):
     volume = _volumes(run, np.array(list(grains)), seated)
     of_labels = np.bincount(labels.ravel())[list(grains.values())] * voxel_size**3
     ratio = float(np.median(np.cbrt(of_labels / volume)))
-    return Start(grains, seated, tuple(fit[1] for fit in fits), num, ratio)
+    ours = voxels_of(start_moment(run, seated), labels.shape, voxel_size)
+    offset = _centres(labels, grains.values()) - _centres(ours, grains)
+    offset = tuple(float(o) for o in offset.mean(axis=0)[::-1])
+    return Start(grains, seated, tuple(fit[1] for fit in fits), num, ratio, offset)
+
+
+def _centres(labels, of):
+    """Centres of some labels [voxels], (z, y, x), shape (num, 3)."""
+    from scipy.ndimage import center_of_mass
+
+    return np.array(center_of_mass(labels > 0, labels, list(of)))
 
 
 def _fit(moment, labels, voxel_size):

@@ -1,6 +1,7 @@
 """`mufe compare` holds a run against its own images, and refuses what does not belong to it."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +116,18 @@ def test_a_scan_mounted_anew_with_a_grain_lost(mufe, place, monkeypatch):
         moved.append(np.array([columns[w][1] - columns[w][0] for w in ("z_min", "z_max")]) / VOXEL)
     assert moved[1] - moved[0] == pytest.approx([4, 4], abs=0.2)
     assert moved[2] == pytest.approx(moved[0], abs=0.2)
+
+
+def test_labels_beside_the_grains_are_told(mufe, place, monkeypatch):
+    """Both scans moved by three voxels along z: whole voxels, so nothing else."""
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **options: Path(path).touch())
+    for k in range(2):
+        image = np.pad(read_labels(place / f"scan{k}.tif")[0], (3, 3))
+        write_labels(place / f"beside{k}.tif", np.roll(image, (0, -3, -3), (0, 1, 2)), VOXEL)
+    status, out, _ = mufe("compare", "run", "--labels", "beside0.tif", "beside1.tif", "-o", "off")
+    assert status == 0
+    told = re.search(r"labels of beside0.tif lie (.*) voxels .x, y, z. beside the grains", out)
+    assert [float(v) for v in told[1].split(", ")] == pytest.approx([0.0, 0.0, 3.0], abs=0.1)
 
 
 @pytest.mark.parametrize(
