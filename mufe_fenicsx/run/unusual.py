@@ -23,6 +23,7 @@ USUAL = {
     "ramp": (0.0, 0.5, "-", "beyond, the test is nowhere at its speed"),
     "speed": (0.0, 0.05, "-", "beyond, a test is an impact"),
     "damping": (0.0, 0.1, "-", "beyond, the sample moves as in honey"),
+    "fracture": (0.0, 1.0, "-", "above, grains flow before they crack"),
     "membrane": (0.0, 1.0, "-", "that of rubber, softer than grains"),
     "container": (1.0, 3.0, "-", "grains have to reach the side"),
 }
@@ -62,6 +63,9 @@ def _values(scene, diameter, height, radius):
     for name, material in materials.items():
         if material.yield_table() is not None:
             yield "nu", f"{name}.nu, with plasticity,", material.nu
+            if scene.fracture is not None:
+                over = scene.fracture.strength / material.yield_table()[1].max()
+                yield "fracture", f"fracture.strength over the last yield stress of {name}", over
     for name, material in list(materials.items())[1:]:
         yield "ratio", f"{name}.E over material.E", material.E / scene.material.E
     if scene.membrane is not None:

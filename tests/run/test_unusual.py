@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.materials.fracture import Fracture
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.report.write import write_report
 from mufe_fenicsx.run.unusual import relations
@@ -45,6 +46,10 @@ CASES = [
     (
         replace(USUAL, materials={"soft": Group((1,), Elastic(1e5, 0.15, 1.0))}), {},
         "materials.soft.E over material.E", "1e-06",
+    ),
+    (
+        replace(USUAL, fracture=Fracture(30e6, 10.0)), {},
+        "fracture.strength over the last yield stress of material", "3",
     ),
     (replace(USUAL, contact=Contact(friction=50.0)), {}, "contact.friction", "50"),
     (replace(USUAL, contact=Contact(0.3, wall_friction=1e3)), {}, "contact.wall_friction", "1000"),
