@@ -63,10 +63,10 @@ class Contact(Stateful):
             check_surface(mesh, own)
             check_stiffness(mesh, grains.modulus)
         else:  # layers of kinematic contact change with all masses
-            grown = GrownSurface(mesh, x, *mirrors, before.own, settings.kinematic)
-            self.own = own = grown.own
+            surface = GrownSurface(mesh, x, *mirrors, before.own, settings.kinematic)
+            self.own, grown = surface.own, (surface, before.layers)
+            own = self.own
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
-        grown = grown and (grown, before.layers)
         self.layers = SurfaceLayers(mesh, own, x, grains, settings, grown)
         self.points = self.layers.points
         #: The first of the bodies that are tools; None: there are none.

@@ -39,8 +39,7 @@ class Simulation(OfSpecimen):
         time_step_factor: Time step over the limit of stability.
         refresh: Steps between two evaluations of that limit, where none waits longer.
         mass_scaling: Settings of mass added for a longer step (scene.MassScaling), or None.
-        hold_step: Whether that mass is for what shortens the step alone, as cracks do: it holds the
-            step of the start, where these settings state none.
+        hold_step: Whether that mass is left for what shortens the step later, as cracks do.
 
     Raises:
         InputError: Rigid grains, or forces with a stiffness of their own, and a step from single
@@ -68,7 +67,7 @@ class Simulation(OfSpecimen):
     ):
         time_step_factor = finite_number("time_step_factor", time_step_factor, gt=0, le=LARGEST)
         finite_number("refresh", refresh, ge=1, unit="steps")
-        scaling = mass_scaling, hold_step
+        scaling = None if mass_scaling is None else (mass_scaling, hold_step)
         self._made_of = materials, walls, assembled, time_step_factor, refresh, scaling
         self._make(mesh, options)
         specimen = self.specimen
@@ -87,7 +86,6 @@ class Simulation(OfSpecimen):
         ``before``: As of the specimen.
         """
         materials, walls, assembled, time_step_factor, refresh, scaling = self._made_of
-        mass_scaling, hold_step = scaling
         self._options = {name: value for name, value in options.items() if name != "velocity"}
         specimen = Specimen(mesh, materials, walls, before=before, **options)
         super().__init__(specimen)
@@ -96,9 +94,7 @@ class Simulation(OfSpecimen):
         self.time_step_factor = time_step_factor
         self.watch = LoadWatch(specimen.rigid, specimen.solid)
         self.motion = Motion(specimen)
-        self.scaling = None
-        if mass_scaling is not None:
-            self.scaling = MassScaling(specimen.solid, mass_scaling, hold_step)
+        self.scaling = None if scaling is None else MassScaling(specimen.solid, *scaling)
         self.stable = StableStep(specimen, assembled, time_step_factor)
         self.limit = StepLimit(specimen, self.motion, self.stable, refresh, self.scaling)
         self.dt = math.nan

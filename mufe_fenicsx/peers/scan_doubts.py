@@ -7,12 +7,13 @@ LARGEST_DIFFERENCE = 0.03
 SMALL = 0.1
 #: Motion that all grains share beyond that of the run which is told [voxels].
 LARGE_SHIFT = 2.0
-#: Distance of labels of the first scan from grains of the run, in the mean, which is told [voxels].
+#: Distance of labels of the first scan from grains of the run, in the mean, which is told [voxels]:
+#: where the same image was segmented anew it is below a half.
 LARGE_OFFSET = 1.0
 
 
 def about_grains(begin, run, first, size):
-    """What labels of the first scan lack; whether voxels are as large, and where, as meshed."""
+    """What the labels of the first scan lack, and whether their voxels are as large as meshed."""
     told = []
     lacking = begin.num_grains - len(begin.grains)
     if lacking:
@@ -26,13 +27,19 @@ def about_grains(begin, run, first, size):
             f"{run.path} (median), expected 1: with voxels of {size / begin.diameter_ratio:.3g} m "
             f"instead of {size:.3g} m they would be as wide"
         )
-    elif max(map(abs, begin.offset)) > LARGE_OFFSET:
-        off = ", ".join(f"{o:.1f}" for o in begin.offset)
-        told.append(
-            f"labels of {first} lie {off} voxels (x, y, z) beside the grains of {run.path}, in the "
-            "mean, expected 0: give them cropped as those that were meshed"
-        )
     return told
+
+
+def about_offset(begin, numbers, run, first, size):
+    """Whether labels of the first scan, of voxels as meshed, lie beside the grains of the run."""
+    offset = [numbers[f"label_offset_{a}"] / size for a in "xyz"]
+    if abs(begin.diameter_ratio - 1) > LARGEST_DIFFERENCE or max(map(abs, offset)) <= LARGE_OFFSET:
+        return []
+    off = ", ".join(f"{o:.1f}" for o in offset)
+    return [
+        f"labels of {first} lie {off} voxels (x, y, z) beside the grains of {run.path}, in the "
+        "mean, expected 0: give them cropped as those that were meshed"
+    ]
 
 
 def about_lost(track, name):

@@ -20,6 +20,7 @@ from ..results.scans import beside, stage_ends, start_moment, start_of
 from .scan_doubts import (
     about_grains,
     about_lost,
+    about_offset,
     about_seating,
     about_shift,
     about_walls,
@@ -101,17 +102,17 @@ def compare_scans(
             warnings += about_lost(track, names[k])
             warnings += beyond(found[-1].numbers, names[k], images[0].shape[0])
             notices += [] if how.align else about_shift(found[-1].numbers, names[k], size)
+        warnings += about_offset(begin, found[0].numbers, run, labels[0], size)
         cut = cut_walls(run, images[0], first_places(run, begin), size)
         places = places_by_scans(run, begin, followed, [f.moment for f in found], size, cut)
         seated_late = about_seating(begin, found, images[0].shape[0])
-        of_stages = seated_late + about_walls(places, found, names, size)
-        warnings += of_stages
+        warnings += (of_stages := seated_late + about_walls(places, found, names, size))
         _write_table(folder / TABLE, names, found)
         ways = about_ways(places[0], cut)
         comments = [ways, *(f"Warning: {doubt}" for doubt in of_stages)]
         _write_led(folder, output, places, names, comments, bool(seated_late))
-        about = _about(labels[0], tracks, begin, how, states)
-        about += [f"{ways}.", *(f"Warning: {w}." for w in warnings)]
+        about = [*_about(labels[0], tracks, begin, how, states), f"{ways}."]
+        about += [f"Warning: {w}." for w in warnings]
         view = _write_surfaces(folder, run, begin, images, list(zip(names, found, strict=True)),
                                size, how)  # fmt: skip
         shown = list(zip(names, found, images[1:] or [None] * num, strict=True))

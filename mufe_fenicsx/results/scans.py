@@ -149,7 +149,6 @@ class Start:
     overlaps: tuple  #: mean Dice of all grains with the labels, as meshed and seated [-]
     num_grains: int  #: of the run
     diameter_ratio: float  #: diameters of equal volume, labels over run, median [-]
-    offset: tuple = (0.0, 0.0, 0.0)  #: centres of labels less those of the run [voxels], x, y, z
 
 
 def start_of(run, labels, voxel_size, source):
@@ -176,17 +175,7 @@ def start_of(run, labels, voxel_size, source):
     volume = _volumes(run, np.array(list(grains)), seated)
     of_labels = np.bincount(labels.ravel())[list(grains.values())] * voxel_size**3
     ratio = float(np.median(np.cbrt(of_labels / volume)))
-    ours = voxels_of(start_moment(run, seated), labels.shape, voxel_size)
-    offset = _centres(labels, grains.values()) - _centres(ours, grains)
-    offset = tuple(float(o) for o in offset.mean(axis=0)[::-1])
-    return Start(grains, seated, tuple(fit[1] for fit in fits), num, ratio, offset)
-
-
-def _centres(labels, of):
-    """Centres of some labels [voxels], (z, y, x), shape (num, 3)."""
-    from scipy.ndimage import center_of_mass
-
-    return np.array(center_of_mass(labels > 0, labels, list(of)))
+    return Start(grains, seated, tuple(fit[1] for fit in fits), num, ratio)
 
 
 def _fit(moment, labels, voxel_size):
@@ -305,7 +294,7 @@ def beside(
         numbers |= {"run_shortening_seated": of_states[0]}
         numbers |= {"run_shortening_least": of_states.min(), "run_shortening_most": of_states.max()}
     moment = moment_at(run, strain) if state is None else moment_of(run, state)
-    table, shift = _motions(run, track, moment, (grain, at), (start.seated, align))
+    table, offset, shift = _motions(run, track, moment, (grain, at), (start.seated, align))
     run_labels = None
     if labels[1] is not None:
         run_labels = voxels_of(moment, labels[1].shape, voxel_size, shift if align else np.zeros(3))
@@ -319,7 +308,8 @@ def beside(
     numbers = {name: float(value) for name, value in numbers.items()}
     numbers |= {"beside": how, "num_grains": start.num_grains, "num_on_labels": len(start.grains)}
     numbers |= _numbers(table, track, voxel_size, moment)
-    numbers |= {f"common_shift_{a}": float(s) for a, s in zip("xyz", shift, strict=True)}
+    for name, of_all in (("label_offset", offset), ("common_shift", shift)):
+        numbers |= {f"{name}_{a}": float(value) for a, value in zip("xyz", of_all, strict=True)}
     of_all = mean_strains(track.centre, track.displacement)
     numbers |= {f"sample_strain_{a}": float(s) for a, s in zip("xyz", of_all, strict=True)}
     return Beside(table, numbers, moment, run_labels)
@@ -336,7 +326,7 @@ def _tracked(track, grains):
 
 
 def _motions(run, track, moment, grains, how):
-    """The table's columns of motions and strains, and the motion of all beyond the run's [m]."""
+    """Columns of motions and strains; how far all labels are off, and moved beyond the run [m]."""
     (grain, at), (seated, align) = grains, how
     centre, moved, volume = track.centre[at], track.displacement[at], _volumes(run, grain, seated)
     start = start_points(run, moment.state, seated)
@@ -358,7 +348,7 @@ def _motions(run, track, moment, grains, how):
         | _strains(volume, centre, (moved, ours))
         | {"misfit": track.misfit[at]}
     )
-    return table, shift
+    return table, off.mean(axis=0), shift
 
 
 def _rotations(scan, run):

@@ -25,7 +25,7 @@ from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh, create_grain_mesh, partition_grains
 
 #: Options that increments have no use for.
-OF_STEPS = ("assembled", "time_step_factor", "refresh", "mass_scaling")
+OF_STEPS = ("assembled", "time_step_factor", "refresh", "mass_scaling", "hold_step")
 #: Steps that a computer takes in a life.
 MOST_STEPS = 1e9
 #: Nodes [m], shape (num_nodes, 3), and tetrahedra, shape (num_cells, 4).

@@ -119,7 +119,7 @@ def test_a_scan_mounted_anew_with_a_grain_lost(mufe, place, monkeypatch):
 
 
 def test_labels_beside_the_grains_are_told(mufe, place, monkeypatch):
-    """Both scans moved by three voxels along z: whole voxels, so nothing else."""
+    """Both scans moved by three voxels along z, of which 0.1 are printed."""
     monkeypatch.setattr(Figure, "savefig", lambda figure, path, **options: Path(path).touch())
     for k in range(2):
         image = np.pad(read_labels(place / f"scan{k}.tif")[0], (3, 3))

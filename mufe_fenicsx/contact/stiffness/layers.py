@@ -45,9 +45,10 @@ class SurfaceLayers(Stateful):
     def __init__(self, mesh, own, x, grains, settings, grown=None):
         self.kinematic = settings.kinematic
         self.step = 1.0  #: that kinematic layers are made for [s]
-        found = _made(mesh, own, x, grains, settings) if grown is None else (
-            self._regrown(mesh, x, grains, settings, *grown)
-        )  # fmt: skip
+        if grown is None:
+            found = _made(mesh, own, x, grains, settings)
+        else:
+            found = _regrown(mesh, x, grains, settings, *grown)
         self.of_facet = found.of_facet  #: compliance of own facets [m/Pa], shape (num_facets,)
         self.depth_of_facet = found.depth_of_facet  #: part in the largest depth of pairs [m]
         #: Of sharp edges, relative, of both ends [m/N], shape (num_facets, 3).
@@ -71,19 +72,6 @@ class SurfaceLayers(Stateful):
         self.met[:] = -1
         #: Tangential over normal stiffness of points, shape (num_points,).
         self.ratio = grains.tangential_ratio[self.points.local_grain]
-
-    def _regrown(self, mesh, x, grains, settings, grown, before):
-        """:class:`_OfSurface` of a surface that has grown from the layers ``before``. Local."""
-        known = before.on(mesh, grown.part, grown.before)
-        part = _made(mesh, grown.part, x, grains, settings, known)
-        rows = grown.facets.rows
-        return _OfSurface(
-            rows(before.of_facet, part.of_facet),
-            rows(before.depth_of_facet, part.depth_of_facet),
-            rows(before.compliance_of_edge, part.compliance_of_edge),
-            before.smooth.joined(part.smooth, rows),
-            grown.points(before.points, part.points),
-        )
 
     def on(self, mesh, own, before):
         """What the surface of a mesh that has grown has as this one. Local.
@@ -160,6 +148,20 @@ def _made(mesh, own, x, grains, settings, known=None):
         smooth.curvature[~np.isnan(grains.rigid_layer[own.local_grain_of_facet])] = 0.0
     points = surface_points(settings.points, mesh, own, x, *layers, *depths, smooth)
     return _OfSurface(layers[1], depths[1], edges, smooth, points)
+
+
+def _regrown(mesh, x, grains, settings, grown, before):
+    """:class:`_OfSurface` of a surface that has grown from the layers ``before``. Local."""
+    known = before.on(mesh, grown.part, grown.before)
+    part = _made(mesh, grown.part, x, grains, settings, known)
+    rows = grown.facets.rows
+    return _OfSurface(
+        rows(before.of_facet, part.of_facet),
+        rows(before.depth_of_facet, part.depth_of_facet),
+        rows(before.compliance_of_edge, part.compliance_of_edge),
+        before.smooth.joined(part.smooth, rows),
+        grown.points(before.points, part.points),
+    )
 
 
 def _layers(mesh, own, grains, settings):
