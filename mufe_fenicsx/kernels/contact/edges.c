@@ -22,7 +22,7 @@
 typedef struct {
   edge_pair_row *row;
   double *next_check;
-  int32_t *scratch;
+  int32_t *scratch; /* the pairs that are due, then those of them that leave */
   const double *x;
   double *f;
   const double *friction; /* static and kinetic of pairs of materials */
@@ -105,18 +105,33 @@ INLINE int goes_on(const edges_type *e, int64_t i, int64_t j) {
   return i == j;
 }
 
-/* The deepest closed crossing that fades out, or has left, where that of s goes on; NULL if none.
-   Both edges of s are its edges, or go on from these. */
-static const edge_pair_row *left_to(const edge_pairs_type *m, int64_t num_due,
-                                    const edge_pair_row *s) {
-  const edge_pair_row *best = NULL;
-  const double fade = at_place(&m->edges, s->first, s->second, two_of(s->place)).fade;
+/* Part of a crossing that has not faded out. */
+INLINE double part_of(const edge_pairs_type *m, const edge_pair_row *s) {
+  return at_place(&m->edges, s->first, s->second, two_of(s->place)).fade;
+}
+
+/* List the closed crossings that are due and fade out, or have left; how many. */
+static int64_t list_leaving(const edge_pairs_type *m, int64_t num_due) {
+  int64_t count = 0;
   for (int64_t k = 0; k < num_due; k++) {
     const edge_pair_row *q = m->row + m->scratch[k];
-    const double part = at_place(&m->edges, q->first, q->second, two_of(q->place)).fade;
-    const int gives_way = q->outside > 0.0 || (part < 1.0 && fade + part <= BOTH_PARTS);
-    if (q->closed && gives_way && (!best || q->gap < best->gap) &&
-        goes_on(&m->edges, q->first, s->first) && goes_on(&m->edges, q->second, s->second))
+    m->scratch[num_due + count] = m->scratch[k];
+    count += q->closed && (q->outside > 0.0 || part_of(m, q) < 1.0);
+  }
+  return count;
+}
+
+/* The deepest of those that are ``leaving`` where that of s goes on; NULL if none. Both edges of s are
+   its edges, or go on from these. */
+static const edge_pair_row *left_to(const edge_pairs_type *m, const int32_t *leaving,
+                                    int64_t num_leaving, const edge_pair_row *s) {
+  const edge_pair_row *best = NULL;
+  const double fade = part_of(m, s);
+  for (int64_t k = 0; k < num_leaving; k++) {
+    const edge_pair_row *q = m->row + leaving[k];
+    if ((!best || q->gap < best->gap) && goes_on(&m->edges, q->first, s->first) &&
+        goes_on(&m->edges, q->second, s->second) &&
+        (q->outside > 0.0 || fade + part_of(m, q) <= BOTH_PARTS))
       best = q;
   }
   return best;
@@ -135,8 +150,8 @@ INLINE place_type turned_spring(const edge_pairs_type *m, const edge_pair_row *q
 }
 
 /* A crossing that takes over from one that fades out begins as deep, and has its stick points. */
-static void begin(const edge_pairs_type *m, found_type *found, int64_t p, int64_t num_due,
-                  double bound) {
+static void begin(const edge_pairs_type *m, found_type *found, int64_t p, const int32_t *leaving,
+                  int64_t num_leaving, double bound) {
   edge_pair_row *s = m->row + p;
   if (m->next_check[p] > bound || s->closed || -s->gap <= s->recess) return;
   const place_type here = two_of(s->place);
@@ -144,7 +159,7 @@ static void begin(const edge_pairs_type *m, found_type *found, int64_t p, int64_
   if (s->outside > 0.0 && (s->outside != UNPIERCED || inside > ARRIVING)) return;
   set_two(s->stick_point, here);
   s->sliding = 0;
-  const edge_pair_row *q = left_to(m, num_due, s);
+  const edge_pair_row *q = left_to(m, leaving, num_leaving, s);
   if (!q) return;
   /* Near a corner of facets, edges need not pierce those beside them. */
   s->outside = least(s->outside, 0.0), s->offset = q->offset, m->next_check[p] = bound;
@@ -239,7 +254,9 @@ void mufe_add_edge_forces(const edge_pairs_type *m, found_type *found, double bo
     num_due += m->next_check[p] <= bound;
   }
   for (int64_t k = 0; k < num_due; k++) look(m, found, m->scratch[k], bound, accept);
-  for (int64_t k = 0; k < num_due; k++) begin(m, found, m->scratch[k], num_due, bound);
+  const int64_t num_leaving = list_leaving(m, num_due);
+  for (int64_t k = 0; k < num_due; k++)
+    begin(m, found, m->scratch[k], m->scratch + num_due, num_leaving, bound);
   for (int64_t k = 0; k < num_due; k++) add_one(m, found, m->scratch[k], bound);
 }
 

@@ -53,7 +53,7 @@ class EdgeForces:
         self._found = np.zeros(4)
         self._found_at = address(self._found)
         self._pointers = Pointers(
-            (pairs.state, real), (pairs.next_check, real), (np.empty(num + 1, short), short),
+            (pairs.state, real), (pairs.next_check, real), (np.empty(2 * num + 1, short), short),
             (x, real), (f, real), (friction, real), *arrays_of(edges),
         )  # fmt: skip
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
