@@ -24,7 +24,7 @@ from mufe_fenicsx.machine.files import attempt, own_folder, reason, regular, try
 from mufe_fenicsx.machine.ranks import on_first_rank
 from mufe_fenicsx.output.run_folder import plain
 
-FORMAT, VERSION = "mufe checkpoint", 18
+FORMAT, VERSION = "mufe checkpoint", 19
 MANIFEST = "manifest.json"
 #: Checkpoints that stay.
 NUM_KEPT = 2

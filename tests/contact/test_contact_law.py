@@ -13,7 +13,7 @@ from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.verification.sliding_normal import WIDE, H, frustum
-from tests.bodies import sphere
+from tests.bodies import RADIUS, sphere
 
 QUARTZ = Elastic(100e9, 0.15, 2650.0)
 DEPTH = 0.008 * H
@@ -105,6 +105,31 @@ def test_what_springs_gain_and_lose_at_edges_is_counted():
     assert abs(slider.contact.dissipation.switched) > 1e-3 * stored
     # Of the first order in a step, 0.07 of the depth: so far a point is behind the side it passed.
     assert abs(left) < 0.07 * abs(slider.contact.dissipation.switched)
+
+
+def test_contact_of_smooth_surfaces_is_the_slope_of_their_energy():
+    """Nodes of coarse balls moved at random: facets tilt, and points stand over them."""
+    points, cells = sphere(RADIUS, 0.35 * RADIUS)
+    turned = points @ rotation_of(np.array([0.4, 0.3, 0.2])).T + [[0.0, 0.0, 2.01 * RADIUS]]
+    s = simulation_of_bodies([(points, cells), (turned, cells)])
+    contact, x, above = s.contact, s.mesh.x.copy(), s.mesh.grain_of_node == 1
+    way = np.random.default_rng(1).normal(size=x.shape)
+
+    def energy_at(part):
+        forces = np.zeros_like(x)
+        contact.begin_step(x + part * way)
+        contact.add_forces(forces, x + part * way)
+        return contact.energy()[0], forces
+
+    small = 1e-8 * RADIUS
+    for _ in range(20):
+        x[above] -= [0.0, 0.0, 0.005 * RADIUS]
+        energy_at(0.0)
+    forces, closed = energy_at(0.0)[1], contact.pairs.closed.copy()
+    more, less = energy_at(small)[0], energy_at(-small)[0]
+    assert closed.sum() > 5 and np.array_equal(closed, contact.pairs.closed)
+    # Differences of energies that are rounded to 1e-15, over parts of some 1e-6 of them.
+    assert -np.vdot(forces, way) == pytest.approx((more - less) / (2.0 * small), rel=1e-7)
 
 
 @pytest.mark.parametrize("edge", [0.12e-3, 0.7e-3])

@@ -248,3 +248,20 @@ def test_tangent_of_a_crossing_is_the_derivative_of_its_forces(friction):
     step = 1e-7
     slope = -(after(x + step * q) - after(x - step * q)) / (2 * step)
     assert abs(product - slope).max() < 1e-6 * abs(slope).max()
+
+
+def test_a_crack_at_a_crossing_leaves_its_depth():
+    """Less area is around the ends of the edge then, by which new crossings begin."""
+    ridges = Ridges(0.01)
+    ridges.move([0.0, 0.0, -0.03], 40)
+    s, before = ridges.simulation, ridges.contact.edges.pairs
+    s.state.x[:] = ridges.x
+    crossing = np.flatnonzero(before.closed)[0]
+    edge = ridges.contact.edges.edges.ends[before.first[crossing]]
+    nodes, cells = s.mesh.inner_facets()
+    s.grow(cells[np.isin(nodes, ridges.contact.own.nodes[edge]).sum(axis=1) == 1])
+    after = s.contact.edges.pairs
+    assert after.size[after.closed].min() < 0.95 * before.size[crossing]
+    depths = [(p.offset - p.gap - p.recess)[p.closed] for p in (before, after)]
+    # To the rounding of gaps.
+    np.testing.assert_allclose(*depths, rtol=1e-12)

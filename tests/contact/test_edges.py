@@ -302,8 +302,7 @@ def test_a_crossing_moves_on_along_a_ridge():
     assert slip == pytest.approx(friction * np.mean(k) * depth * way, rel=2e-3)
     # A search whose reach is the depth of points, which are far away, keeps it.
     before, force = keys_of_closed(), pairs.shear[on].copy()
-    contact.motion.skin = 0.1 * depth
-    contact.search(x)
+    contact.search(x, skin=0.1 * depth / contact.edge)
     assert contact.motion.reach < depth and keys_of_closed() == before
     pairs, on = move([0, 0, 0])
     assert pairs.shear[on] == pytest.approx(force, rel=1e-9)

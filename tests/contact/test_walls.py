@@ -94,7 +94,7 @@ def test_open_pairs_are_no_nearer_to_walls_than_their_bounds_say(spin):
         x = contact.ghosts.positions.array[contact.ghosts.num_before :][points.corner[pairs.node]]
         x = np.einsum("nk,nki->ni", points.weight[pairs.node], x)
         normal, point = contact.walls.normal[pairs.wall], contact.walls.point[pairs.wall]
-        gap = ((x - point) * normal).sum(axis=1) + points.recess[pairs.node]
+        gap = ((x - point) * normal).sum(axis=1) + (points.recess - points.stands)[pairs.node]
         wait = (pairs.next_check - pairs.motion_bounds.now)[~pairs.closed]
         # Positions of some 1e-3 m have that much round-off.
         assert (wait <= np.maximum(gap[~pairs.closed], 0.0) + 1e-15).all()

@@ -148,7 +148,7 @@ def search_pairs(
         num_grains: Of all ranks.
     """
     num_points, body_of_point = points.num_points, points.body_of_point
-    stands = np.maximum(-points.recess, 0.0)  # what points add to the reach
+    stands = np.abs(points.stands)  # what points add to the reach
     extent = mean_extent(x, facets) if facets.size else 1.0
     low, high = box_around(x[:num_points])
     span = high - low

@@ -16,7 +16,7 @@ class WallPairs(PairTable):
         bounds = MotionBounds(points.grain_of_point[node], walls, bound)
         super().__init__(WALL_PAIR, node, bounds, bound, yields)
         self.wall = wall
-        self.recess[:] = points.recess[node]
+        self.recess[:] = points.recess[node] - points.stands[node]
 
     @property
     def normal_force(self):

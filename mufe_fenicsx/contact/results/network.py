@@ -207,7 +207,10 @@ def _own_sums(contact, x):
     on, at = np.flatnonzero(p.closed), np.flatnonzero(w.closed)
     work = np.zeros((done.size, _NUM_COLUMNS))
     work[:, _WORK] = done
-    _, wall_normal = contact.walls.gaps(contact.ghosts.positions.array[w.node[at]], w.wall[at])
+    at_walls, areas = contact.ghosts.positions.array[w.node[at]], contact.points.area[w.node[at]]
+    _, wall_normal = contact.walls.gaps(at_walls, w.wall[at])
+    of_nodes = contact.ghosts.positions.array[contact.ghosts.num_before :]
+    stand = contact.points.stand(of_nodes, p.node[on])
     crossings = closed_crossings(contact)
     bodies = contact.edges.edges.body
     e = contact.edges.pairs
@@ -226,8 +229,8 @@ def _own_sums(contact, x):
     ]
     partner = [p.grain[on], w.wall[at] + num_grains, crossings.partner, with_work]
     sums = [
-        _sums_of_points(contact, p, on, p.normal[on], contact.areas(on), x),
-        _sums_of_points(contact, w, at, wall_normal, contact.points.area[w.node[at]], x),
+        _sums_of_points(contact, p, on, stand, p.normal[on], contact.areas(on), x),
+        _sums_of_points(contact, w, at, at_walls, wall_normal, areas, x),
         _sums_of_crossings(crossings),
         work,
     ]
@@ -241,10 +244,9 @@ def _own_sums(contact, x):
     return a, b, sums
 
 
-def _sums_of_points(contact, pairs, on, normal, area, x):
-    """Terms of the sums for pairs ``on``, seen from the grain of the point."""
+def _sums_of_points(contact, pairs, on, place, normal, area, x):
+    """Terms of the sums for pairs ``on`` at a ``place``, seen from the grain of the point."""
     stretch = contact.points.stretch(contact.own, x, pairs.node[on])
-    place = contact.ghosts.positions.array[pairs.node[on]]
     terms = np.zeros((on.size, _NUM_COLUMNS))
     terms[:, _COUNT] = 1
     terms[:, _AREA] = area

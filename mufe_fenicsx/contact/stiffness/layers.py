@@ -57,9 +57,9 @@ class SurfaceLayers(Stateful):
         self.smooth = found.smooth
         #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
         self.points = found.points
-        #: By how much smooth surfaces bring facets nearer [m], and how much faster than points
+        #: By how much smooth surfaces bring facets nearer [m], and how much faster than nodes
         #: their gaps go at most, on all ranks.
-        self.rise, self.steepest = self._bounds(mesh.comm)
+        self.rise, self.steepest = self._bounds(mesh.comm, own)
         strain = grains.plastic_strain
         #: Plastic strain of the cells, shape (num_cells,); zeros where nothing is known.
         self.plastic_strain = np.zeros(mesh.num_cells) if strain is None else strain
@@ -94,12 +94,21 @@ class SurfaceLayers(Stateful):
         changed = grown_by(own.facets, marked, 2)
         return Known(compliance, self.smooth.some(facet), changed)
 
-    def _bounds(self, comm):
-        """Fields ``rise`` and ``steepest``. Collective."""
+    def _bounds(self, comm, own):
+        """Fields ``rise`` and ``steepest``. Collective.
+
+        Along a slope gaps go faster than points, and points that stand over their facets go as
+        these turn, by the sum of the gradients of their shape functions: half the perimeter over
+        the area.
+        """
         slope = self.smooth.slope.max(initial=0.0)
-        most = np.array([2.0 * highest(self.smooth.bulge).max(initial=0.0), slope])
+        gradients = 1.5 * own.facet_edge / own.facet_area
+        stands = self.points.stands[: self.points.num_in_facets].reshape(len(gradients), -1)
+        turn = np.abs(stands * gradients[:, None]).max(initial=0.0)
+        most = np.array([2.0 * highest(self.smooth.bulge).max(initial=0.0), slope, turn])
         comm.Allreduce(MPI.IN_PLACE, most, op=MPI.MAX)
-        return float(most[0]), math.hypot(1.0, most[1])
+        rise, slope, turn = most.tolist()
+        return rise, math.hypot(1.0, slope) * (1.0 + turn)
 
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local.

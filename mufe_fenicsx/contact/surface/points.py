@@ -55,7 +55,9 @@ class Points:
     #: Of the surface there, as of surface.bulges.Bulges; vertices have the last number alone,
     curvature: np.ndarray  #: shape (num_points, 3)
     cell: np.ndarray  #: of the mesh, beneath the point, int32, shape (num_points,)
-    recess: np.ndarray  #: depth at which contact begins [m], shape (num_points,)
+    #: Height of the smooth surface over the facet, at which the point is [m], none of a vertex;
+    stands: np.ndarray  #: shape (num_points,)
+    recess: np.ndarray  #: depth at which contact of a vertex begins [m], shape (num_points,)
     num_in_facets: int  #: points in facets, which come first
 
     @property
@@ -96,6 +98,15 @@ class Points:
         """Where the given points are [m], shape (num, 3), with own surface nodes at ``x``."""
         nodes, weight = self.carriers(points)
         return np.einsum("pc,pci->pi", weight, x[nodes])
+
+    def stand(self, x, points):
+        """As :meth:`places`, of those that the points have on the smooth surface."""
+        nodes, weight = self.carriers(points)
+        a, b, c = x[nodes].transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a)
+        size = np.linalg.norm(normal, axis=1)
+        up = self.stands[points] / np.where(size > 0.0, size, 1.0)  # vertices have no facet
+        return np.einsum("pc,pci->pi", weight, x[nodes]) + up[:, None] * normal
 
     def stretch(self, own, x, points):
         """Area of the facets around ``points`` now over the reference one, shape (num,).
@@ -158,11 +169,12 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
         curvature=both(smooth.curvature, _bend_of_nodes(own, smooth)),
         # At a node, of one of the facets around.
         cell=both(own.cell_of_facet, own.cell_of_facet[own.ring[own.ring_offset[:-1]]]),
-        recess=np.concatenate(
-            [
-                np.array([-height(smooth.bulge, w) for w in rule]).T.ravel(),
-                (RECESS if n else 0.0) * edge_of_area(own.whole_area, 2)[vertex],
-            ]
+        stands=np.append(
+            np.array([height(smooth.bulge, w) for w in rule]).T.ravel(), np.zeros(vertex.size)
+        ),
+        recess=np.append(
+            np.zeros(n * len(own.facets)),
+            (RECESS if n else 0.0) * edge_of_area(own.whole_area, 2)[vertex],
         ),
         num_in_facets=n * len(own.facets),
         **point_lists(own, vertex, n * len(own.facets)),

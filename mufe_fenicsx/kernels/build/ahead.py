@@ -48,7 +48,7 @@ LOOPS = {
     "edge_compliance.cells_around": "i2 l",
     "rigid.set_axes": "d3 d2",
     "element_step.element_time_step": "d2 i2 l1 l1 d1",
-    "gaps.find_gaps": "d1 d2 d2 i1 l1 i1 i2 d2 i2 l1 i1",
+    "gaps.find_gaps": "d1 d2 d2 d2 l1 i1 i2 d2 i2 l1 i1",
     "boxes.boxes_of_groups": "d2 i1 i1 l",
     "walls.farthest": "d2 d2",
     "walls.find_wall_candidates": "d2 b2 d2 d2 d1 d",

@@ -94,11 +94,12 @@ PAIR = Row(
     ("bound_row", INTEGER),  # which one of ``bounds`` is that of both grains
     ("friction", INTEGER),  # of the pair of materials, where there are some
     ("offset", REAL, 1, KEPT),
-    ("recess", REAL, 1, KEPT),  # of the point, and the dent
+    ("recess", REAL, 1, KEPT),  # of a vertex, and the dent
     ("stiffness", REAL, 1, KEPT),
     ("largest_depth", REAL, 1, KEPT),
     ("ratio", REAL),
-    ("area", REAL),
+    ("area", SINGLE),
+    ("stands", SINGLE),  # height of the smooth surface over its facet at the point
     ("bulge", SINGLE, 6),  # q_ab q_bc q_ca, o_a o_b o_c of surface/bulges.py
     ("softer", SINGLE, 1, KEPT),  # m of the law
     ("yield_depth", SINGLE, 1, KEPT),  # from which on a dent deepens, none: infinity
@@ -152,7 +153,7 @@ EDGE_PAIR = Row(
     ("outside", REAL, 1, KEPT),  # of both edges or their facets' normals; 2: edges end before
     ("gap", REAL, 1, KEPT),
     ("offset", REAL, 1, KEPT),  # <= 0
-    ("recess", REAL),  # depth at which the contact of edges begins
+    ("recess", REAL, 1, KEPT),  # depth at which the contact of edges begins
     ("size", REAL),  # mean edge of both sides
     ("largest_depth", REAL),  # beyond which the force does not grow
     ("place", REAL, 2, KEPT),  # s and t of the crossing

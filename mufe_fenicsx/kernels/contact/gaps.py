@@ -10,7 +10,7 @@ from ..geometry.closest import INTERIOR, closest_point, pseudo_normal
 
 @numba.njit(cache=True, error_model="numpy")
 def find_gaps(
-    gap, normal, x, node, first, candidate, facets, bulge, neighbour, ring_offset, ring
+    gap, normal, place, x, first, candidate, facets, bulge, neighbour, ring_offset, ring
 ):  # fmt: skip
     """Distance of each pair's point over the smooth surface of the other grain, and its direction.
 
@@ -21,14 +21,14 @@ def find_gaps(
         gap: Distances, negative inside [m], shape (num_pairs,).
         normal: Unit vectors from the closest point to the node where it is outside, from
             the node to the closest point where it is inside, shape (num_pairs, 3).
-        x: Positions [m], shape (num_nodes_with_ghosts, 3).
-        node, first, candidate: Pairs, as in kernels.contact.search.
+        place: Of each pair's point [m], shape (num_pairs, 3).
+        x: Positions of nodes [m], shape (num_nodes_with_ghosts, 3).
+        first, candidate: Pairs, as in kernels.contact.search.
         bulge: Of the facets, as of contact.surface.bulges [m], shape (num_facets, 6).
         facets, neighbour, ring_offset, ring: Surface, as in kernels.geometry.closest.
     """
-    for p in range(node.size):
-        n = node[p]
-        px, py, pz = x[n, 0], x[n, 1], x[n, 2]
+    for p in range(gap.size):
+        px, py, pz = place[p, 0], place[p, 1], place[p, 2]
         # Integers of one type throughout: `pseudo_normal` is compiled once.
         best, t, feature = math.inf, np.int64(-1), np.int64(INTERIOR)
         rx, ry, rz = 0.0, 0.0, 0.0

@@ -24,7 +24,7 @@ typedef struct {
   const int32_t *candidate;
   surface_type surface;
   const uint8_t *sharp;
-  const double *layer_of_node, *layer_of_facet;
+  const double *area_of_point, *layer_of_node, *layer_of_facet;
   const double *area_at_node, *area_of_facet, *depth_of_node, *depth_of_facet;
   const double *bulge_of_facet, *curvature_of_point, *curvature_of_facet; /* six, three */
   const double *weights; /* of the corners of points, a row of three for each rule */
@@ -60,9 +60,17 @@ INLINE friction_type friction_of(const pairs_type *m, const call_type *c, const 
 INLINE vec3 corner_weights(const pairs_type *m, const pair_row *s) {
   return at(m->weights, s->rule);
 }
+/* The point on the smooth surface, at a height over its own facet along the facet's normal; a vertex
+   is where it is. ``beneath``: the place in the facet. */
+INLINE vec3 stand(const pair_row *s, vec3 beneath, triangle own) {
+  return s->stands == 0.0f ? beneath : along(beneath, s->stands, normal_of(own));
+}
+INLINE vec3 place_in_facet(const pairs_type *m, const pair_row *s, triangle own) {
+  return mean(corner_weights(m, s), own.a, own.b, own.c);
+}
 INLINE vec3 point_of(const pairs_type *m, const pair_row *s) {
-  const triangle t = corners_at(m->x, s->corner);
-  return mean(corner_weights(m, s), t.a, t.b, t.c);
+  const triangle own = corners_at(m->x, s->corner);
+  return stand(s, place_in_facet(m, s, own), own);
 }
 INLINE spring_type spring_of(const pair_row *s) {
   return (spring_type){s->stiffness, s->softer, s->largest_depth, s->ratio};
@@ -74,7 +82,7 @@ INLINE spring_type spring_of(const pair_row *s) {
 INLINE double stiffness_of(const pairs_type *m, const pair_row *s, int64_t k) {
   const int32_t facet = m->candidate[k];
   const double own = m->area_at_node[s->node], other = m->area_of_facet[facet];
-  return other * other / (other * other + own * own) * s->area /
+  return other * other / (other * other + own * own) * m->area_of_point[s->node] /
          (m->layer_of_node[s->node] + m->layer_of_facet[facet]);
 }
 
@@ -151,6 +159,17 @@ INLINE void forces_on_facet(vec3 on[3], vec3 force, vec3 w, double height, vec3 
   on[0] = along(times(-hb - hc, normal), -w.x, force);
   on[1] = along(times(hb, normal), -w.y, force);
   on[2] = along(times(hc, normal), -w.z, force);
+}
+
+/* Forces on the corners of its own facet with a force on the point, which stands over it. */
+INLINE void forces_on_own(vec3 on[3], vec3 force, vec3 weights, const pair_row *s, triangle own) {
+  if (s->stands != 0.0f) {
+    const vec3 normal = normal_of(own);
+    forces_on_facet(on, times(-1.0, force), weights, s->stands, normal, normal, own);
+  } else {
+    on[0] = times(weights.x, force), on[1] = times(weights.y, force);
+    on[2] = times(weights.z, force);
+  }
 }
 
 /* Depth from which the force of that pair grows no more: both sides add. */

@@ -89,7 +89,7 @@ class PairForces:
         self._found.friction, self._found.friction_kinetic = friction[0]
         corner, rule = fill_points(pairs, points, ghosts, layers)
         pairs.corner[:], pairs.rule[:] = corner, rule
-        pairs.area[:] = points.area[pairs.node]
+        pairs.area[:], pairs.stands[:] = points.area[pairs.node], points.stands[pairs.node]
         pairs.around[:], pairs.num_around[:] = points.around_of[pairs.node].T
         pairs.bound_row[:] = pairs.motion_bounds.of
         if pairs.friction_row.size:
@@ -104,8 +104,9 @@ class PairForces:
             (pairs.first, long), (pairs.candidate, short),
             (ghosts.facets, short), (s.neighbour, short), (ghosts.ring_offset, long),
             (ghosts.ring, short), (sharp, flag),
-            (points.layer, real), (s.layer_of_facet, real), (points.facet_area, real),
-            (s.area_of_facet, real), (points.depth, real), (s.depth_of_facet, real),
+            (points.area, real), (points.layer, real), (s.layer_of_facet, real),
+            (points.facet_area, real), (s.area_of_facet, real), (points.depth, real),
+            (s.depth_of_facet, real),
             (s.bulge_of_facet, real), (points.curvature, real), (s.curvature_of_facet, real),
             (points.rules, real), (ghosts.around, short),
             (ghosts.positions.array, real), (ghosts.forces.array, real),

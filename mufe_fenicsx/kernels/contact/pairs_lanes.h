@@ -58,7 +58,8 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   load_four(stick, rows, AT(stick_point));
   load_four(shear, rows, AT(shear));
   const mask word = (mask)head[1];
-  const vec offset = place[2], recess = place[3], area = spring_row[3], gap = sums[0];
+  const vec offset = place[2], recess = place[3], gap = sums[0];
+  const vec area = first_of(spring_row[3]), stands = second_of(spring_row[3]);
   const vec yields = second_of(packed[3]);
   const spring_type_each spring = {spring_row[0], first_of(packed[3]), spring_row[1],
                                    spring_row[2]};
@@ -66,7 +67,12 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   /* The point, the facet and the foot of the point in its plane. */
   const vec3_each pa = rows_at(x, node[0]), pb = rows_at(x, node[1]), pc = rows_at(x, node[2]);
   const vec3_each a = rows_at(x, node[3]), b = rows_at(x, node[4]), d = rows_at(x, node[5]);
-  const vec3_each weights = rows_at(m->weights, rule), point = mean_each(weights, pa, pb, pc);
+  const vec3_each weights = rows_at(m->weights, rule), in_facet = mean_each(weights, pa, pb, pc);
+  const vec3_each own_b = minus_each(pb, pa), own_c = minus_each(pc, pa);
+  const vec3_each across_own = cross_each(own_b, own_c);
+  const vec over_own = 1.0 / (length_each(across_own) + NOTHING); /* nodes have no facet */
+  const vec3_each up = times_each(over_own, across_own);
+  const vec3_each point = along_each(in_facet, stands, up);
   const vec3_each ab = minus_each(b, a), ac = minus_each(d, a), ap = minus_each(point, a);
   const regions_type_each at = regions_each(ab, ac, ap);
   const vec inverse = 1.0 / (at.va + at.vb + at.vc);
@@ -77,6 +83,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   const vec3_each grad_b = times_each(over_twice, cross_each(ac, n));
   const vec3_each grad_c = times_each(over_twice, cross_each(n, ab));
   const vec height = dot_each(minus_each(point, mean_each(w, a, b, d)), n);
+  const vec behind = height - stands * dot_each(up, n);
   /* Between smooth surfaces, not facets. */
   vec3_each steepest;
   const vec bulge = bulge_each(packed, w, n, grad_b, grad_c, &steepest);
@@ -87,10 +94,10 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   /* Which of them are done here: for the others nothing has been changed yet. */
   const mask inside = (at.va > 0.0) & (at.vb > 0.0) & (at.vc > 0.0);
   const mask far = head[0] - bound >= size_each(height);
-  const mask corners =
-      below_each(pa, point, n) | below_each(pb, point, n) | below_each(pc, point, n) | is_node;
+  const mask corners = below_each(pa, in_facet, n) | below_each(pb, in_facet, n) |
+                       below_each(pc, in_facet, n) | is_node;
   const mask turned_away =
-      FLAG(word, pair_row, sharp) & (height < BESIDE * root_each(area)) & corners;
+      FLAG(word, pair_row, sharp) & (behind < BESIDE * root_each(area)) & corners;
   const mask by_motion = ~is_node | (size_each(g - gap) <= bound - next_check);
   const mask stays =
       FLAG(word, pair_row, closed) & by_motion & (depth > 0.0) & (depth <= spring.largest_depth);
@@ -145,10 +152,14 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
 
   /* Couple of the height and the force in the facet: h_i = height grad N_i . T. */
   const vec hb = height * dot_each(in_plane, grad_b), hc = height * dot_each(in_plane, grad_c);
+  /* That of the height over the own facet. */
+  const vec lean = stands * over_own;
+  const vec lean_b = lean * dot_each(force, cross_each(own_c, up));
+  const vec lean_c = lean * dot_each(force, cross_each(up, own_b));
   v4 on[6][LANES];
-  to_memory(on[0], times_each(weights.x, force));
-  to_memory(on[1], times_each(weights.y, force));
-  to_memory(on[2], times_each(weights.z, force));
+  to_memory(on[0], along_each(times_each(lean_b + lean_c, up), weights.x, force));
+  to_memory(on[1], along_each(times_each(-lean_b, up), weights.y, force));
+  to_memory(on[2], along_each(times_each(-lean_c, up), weights.z, force));
   to_memory(on[3], along_each(times_each(-hb - hc, n), -w.x, force));
   to_memory(on[4], along_each(times_each(hb, n), -w.y, force));
   to_memory(on[5], along_each(times_each(hc, n), -w.z, force));

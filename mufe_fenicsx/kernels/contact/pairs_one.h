@@ -29,19 +29,19 @@ INLINE int below(vec3 node, vec3 p, vec3 normal) {
   double height = dot(d, normal);
   return height < 0.0 && height * height > FACING * FACING * dot(d, d);
 }
-INLINE int faces(const pairs_type *m, const pair_row *s, vec3 p, vec3 normal) {
+INLINE int faces(const pairs_type *m, const pair_row *s, vec3 beneath, vec3 normal) {
   /* Of a point in a facet: its corners. */
   const int32_t *nodes = s->num_around ? m->around + s->around : s->corner;
   const int32_t count = s->num_around ? s->num_around : 3;
   for (int32_t k = 0; k < count; k++)
-    if (below(at(m->x, nodes[k]), p, normal)) return 0;
+    if (below(at(m->x, nodes[k]), beneath, normal)) return 0;
   return 1;
 }
 
 /* The nearest facet that the node of the pair p is straight behind, no deeper than ``limit``, and
    that its body faces; -1 if none. */
-static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double limit, double *gap,
-                           vec3 *weights, vec3 *normal) {
+static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, vec3 beneath, double limit,
+                           double *gap, vec3 *weights, vec3 *normal) {
   int64_t best = -1;
   *gap = -limit;
   for (int64_t k = m->first[p]; k < m->first[p + 1]; k++) {
@@ -50,7 +50,7 @@ static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double li
     double g = dot(minus(point, t.a), u);
     if (!(*gap < g && g < 0.0)) continue;
     vec3 w = project(point, t);
-    if (least(w.x, least(w.y, w.z)) >= -BESIDE && faces(m, m->row + p, point, u))
+    if (least(w.x, least(w.y, w.z)) >= -BESIDE && faces(m, m->row + p, beneath, u))
       best = k, *gap = g, *weights = w, *normal = u;
   }
   return best;
@@ -64,7 +64,8 @@ static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double li
 static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, int64_t before) {
   double *x = m->x, *f = m->f;
   pair_row *s = m->row + p;
-  const vec3 point = point_of(m, s);
+  const triangle own = corners_at(x, s->corner);
+  const vec3 in_facet = place_in_facet(m, s, own), point = stand(s, in_facet, own);
 
   /* The closest point: most often in the facet where it was, the others being too far. All is
      computed in one place, so that a run that is resumed finds the same last digits. */
@@ -91,10 +92,12 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     normal = distance > tiny(s) ? times(1.0 / g, r) : times(1.0 / length(normal), normal);
   double height = g;
   int beside = 0;
-  if (s->sharp && g < BESIDE * sqrt(s->area) && !faces(m, s, point, normal)) {
+  const double behind = g - dot(minus(point, in_facet), normal);
+  if (s->sharp && behind < BESIDE * sqrt(s->area) && !faces(m, s, in_facet, normal)) {
     double other_gap, limit = 3.0 * largest_depth_of(m, s, k);
     vec3 other_weights, other_normal;
-    int64_t other = find_facing(m, p, point, limit, &other_gap, &other_weights, &other_normal);
+    int64_t other =
+        find_facing(m, p, point, in_facet, limit, &other_gap, &other_weights, &other_normal);
     /* A node just outside, within BESIDE, counts where it came through that facet. */
     if (other >= 0 && (g < 0.0 || s->closed || -other_gap <= bound - m->next_check[p] + tiny(s))) {
       beside = 1, k = other, g = height = other_gap, w = other_weights, normal = other_normal;
@@ -176,7 +179,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   }
   double deeper = 0.0, own_part = 1.0, left = 1.0;
   if (depth > s->yield_depth) {
-    flowing_type q = flowing(&m->strength, p, s->softer, corners_at(x, s->corner));
+    flowing_type q = flowing(&m->strength, p, s->softer, own);
     double limit = s->yield_depth;
     deeper = flow(&q, 1, m->strength.row[p].dent, depth, &limit, &left, &own_part);
     s->yield_depth = (float)((1.0 + ROUNDING) * limit);
@@ -222,12 +225,9 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   if ((old.closed && (passed || s->offset != old.offset)) || came_in)
     c->switched += old_energy - energy_of(contact.of, depth, now.shear) - now.lost - flowed -
                    (known ? 0.5 * dot(plus(old_force, force), way) : 0.0);
-  const vec3 weights = corner_weights(m, s);
-  add_to(f, s->corner[0], times(weights.x, force));
-  add_to(f, s->corner[1], times(weights.y, force));
-  add_to(f, s->corner[2], times(weights.z, force));
-
   vec3 on[3];
+  forces_on_own(on, force, corner_weights(m, s), s, own);
+  for (int i = 0; i < 3; i++) add_to(f, s->corner[i], on[i]);
   forces_on_facet(on, force, w, height, normal, facet_normal, t);
   for (int i = 0; i < 3; i++) add_to(f, s->vertices[i], on[i]);
 }

@@ -36,8 +36,10 @@ typedef struct {
   int feature, is_on_it; /* its normal is then the one that it has */
   int slips;
   double kinetic, depth, left;
-  vec3 stick_point;
+  vec3 stick_point, weights;
 } frozen_pair;
+
+#define MOST 6 /* nodes of a contact */
 
 /* Part of the law's slope that the pair has left. */
 INLINE double slope_left(const tangent_type *m, int64_t p) {
@@ -60,12 +62,13 @@ INLINE vec3 foot_on(int feature, vec3 point, triangle t) {
                                : (vec3){s, 0.0, 1.0 - s};
 }
 
-/* Forces on the point x[0] and on the vertices x[1] to x[3] of the facet. */
-static void forces_of_pair(const void *pair, const vec3 x[4], vec3 f[4]) {
+/* Forces on the corners x[0] to x[2] of the point and on the vertices x[3] to x[5] of the facet. */
+static void forces_of_pair(const void *pair, const vec3 x[MOST], vec3 f[MOST]) {
   const frozen_pair *q = pair;
   const pair_row *s = q->row;
-  const triangle t = {x[1], x[2], x[3]};
-  const vec3 w = foot_on(q->feature, x[0], t), r = minus(x[0], mean(w, t.a, t.b, t.c));
+  const triangle own = {x[0], x[1], x[2]}, t = {x[3], x[4], x[5]};
+  const vec3 point = stand(s, mean(q->weights, own.a, own.b, own.c), own);
+  const vec3 w = foot_on(q->feature, point, t), r = minus(point, mean(w, t.a, t.b, t.c));
   const vec3 facet_normal = normal_of(t);
   vec3 normal = q->is_on_it ? s->facing : facet_normal;
   double height = dot(r, normal);
@@ -77,44 +80,45 @@ static void forces_of_pair(const void *pair, const vec3 x[4], vec3 f[4]) {
   const double bulge = bulge_at(s, w, t, facet_normal, q->feature, &slope);
   const vec3 steepest = minus(normal, slope);
   const double steep = length(steepest), depth = s->offset - height - s->recess + bulge;
-  const carried_type now = carry_as((contact_type){q->of,
-                                                   q->depth + q->left * (depth - q->depth),
-                                                   steep,
-                                                   normal,
-                                                   minus(x[0], mean(q->stick_point, t.a, t.b, t.c)),
-                                                   {0.0, 0.0, 0.0},
-                                                   q->slips,
-                                                   q->kinetic,
-                                                   q->kinetic},
-                                    1);
-  f[0] = along(now.shear, now.N / steep, steepest);
-  forces_on_facet(f + 1, f[0], w, height, normal, facet_normal, t);
+  const carried_type now =
+      carry_as((contact_type){q->of,
+                              q->depth + q->left * (depth - q->depth),
+                              steep,
+                              normal,
+                              minus(point, mean(q->stick_point, t.a, t.b, t.c)),
+                              {0.0, 0.0, 0.0},
+                              q->slips,
+                              q->kinetic,
+                              q->kinetic},
+               1);
+  const vec3 force = along(now.shear, now.N / steep, steepest);
+  forces_on_own(f, force, q->weights, s, own);
+  forces_on_facet(f + 3, force, w, height, normal, facet_normal, t);
 }
 
-/* Add a block: minus ``scale`` times the derivative d, by column. */
-INLINE void put_block(const tangent_type *m, int64_t b, int32_t row, int32_t column, double scale,
+/* Add a block: minus the derivative d, by column. */
+INLINE void put_block(const tangent_type *m, int64_t b, int32_t row, int32_t column,
                       const vec3 d[3]) {
   double *block = m->blocks + 9 * b;
   m->rows[b] = row, m->columns[b] = column;
-  for (int k = 0; k < 3; k++)
-    block[k] = -scale * d[k].x, block[3 + k] = -scale * d[k].y, block[6 + k] = -scale * d[k].z;
+  for (int k = 0; k < 3; k++) block[k] = -d[k].x, block[3 + k] = -d[k].y, block[6 + k] = -d[k].z;
 }
 INLINE double *coordinate(vec3 *x, int k) { return k == 0 ? &x->x : k == 1 ? &x->y : &x->z; }
 
-/* Derivatives d[i][j][k] of the force on each i of four by the coordinates k of each j. */
-INLINE void differ(void (*forces)(const void *pair, const vec3 x[4], vec3 f[4]), const void *pair,
-                   vec3 x[4], double step, vec3 d[4][4][3]) {
-  for (int j = 0; j < 4; j++)
+/* Derivatives d[i][j][k] of the force on each i of ``num`` by the coordinates k of each j. */
+INLINE void differ(void (*forces)(const void *pair, const vec3 x[MOST], vec3 f[MOST]),
+                   const void *pair, int num, vec3 x[MOST], double step, vec3 d[MOST][MOST][3]) {
+  for (int j = 0; j < num; j++)
     for (int k = 0; k < 3; k++) {
       double *moved = coordinate(x + j, k);
       const double here = *moved;
-      vec3 more[4], less[4];
+      vec3 more[MOST], less[MOST];
       *moved = here + step;
       forces(pair, x, more);
       *moved = here - step;
       forces(pair, x, less);
       *moved = here;
-      for (int i = 0; i < 4; i++) d[i][j][k] = times(0.5 / step, minus(more[i], less[i]));
+      for (int i = 0; i < num; i++) d[i][j][k] = times(0.5 / step, minus(more[i], less[i]));
     }
 }
 
@@ -128,12 +132,21 @@ void mufe_pair_tangent(const tangent_type *m, int64_t num_before, int64_t num_pa
     /* Relative to one of the nodes. */
     const vec3 from = at(m->x, s->corner[0]), weights = at(m->weights, s->rule);
     const triangle c = corners_at(m->x, s->corner), v = corners_at(m->x, s->vertices);
-    vec3 x[4] = {mean(weights, minus(c.a, from), minus(c.b, from), minus(c.c, from)),
-                 minus(v.a, from), minus(v.b, from), minus(v.c, from)};
-    const triangle t = {x[1], x[2], x[3]};
-    frozen_pair q = {
-        s, spring_of(s), INTERIOR, 0, 0, 0.0, s->offset - s->gap, slope_left(m, p), s->stick_point};
-    const vec3 off = minus(closest_point(x[0], t, &q.feature), s->weights);
+    vec3 x[MOST] = {minus(c.a, from), minus(c.b, from), minus(c.c, from),
+                    minus(v.a, from), minus(v.b, from), minus(v.c, from)};
+    const triangle own = {x[0], x[1], x[2]}, t = {x[3], x[4], x[5]};
+    const vec3 point = stand(s, mean(weights, own.a, own.b, own.c), own);
+    frozen_pair q = {s,
+                     spring_of(s),
+                     INTERIOR,
+                     0,
+                     0,
+                     0.0,
+                     s->offset - s->gap,
+                     slope_left(m, p),
+                     s->stick_point,
+                     weights};
+    const vec3 off = minus(closest_point(point, t, &q.feature), s->weights);
     /* The plane of a facet that it came through beside a sharp edge. */
     if (fabs(off.x) + fabs(off.y) + fabs(off.z) > SAME) q.feature = INTERIOR;
     const double size_of_it = sqrt(s->area);
@@ -148,20 +161,17 @@ void mufe_pair_tangent(const tangent_type *m, int64_t num_before, int64_t num_pa
       const double trial = limit / tangential_stiffness(q.of, q.depth) + s->slip - before[p].slip;
       near = least(near, trial);
       q.stick_point =
-          stick_point_of(times(-trial / limit, s->shear), along(x[0], -s->height, s->facing),
+          stick_point_of(times(-trial / limit, s->shear), along(point, -s->height, s->facing),
                          s->facing, normal_of(t), t);
     }
     const double step = most(least(STEP * size_of_it, NEAR * near), LEAST * size_of_it);
-    vec3 d[4][4][3];
-    differ(forces_of_pair, &q, x, step, d);
-    const double part[6] = {weights.x, weights.y, weights.z, 1.0, 1.0, 1.0};
-    int32_t node[6];
+    vec3 d[MOST][MOST][3];
+    differ(forces_of_pair, &q, MOST, x, step, d);
+    int32_t node[MOST];
     for (int i = 0; i < 3; i++)
       node[i] = s->corner[i] - num_before, node[3 + i] = s->vertices[i] - num_before;
-    for (int i = 0; i < 6; i++)
-      for (int j = 0; j < 6; j++)
-        put_block(m, b++, node[i], node[j], part[i] * part[j],
-                  d[i < 3 ? 0 : i - 2][j < 3 ? 0 : j - 2]);
+    for (int i = 0; i < MOST; i++)
+      for (int j = 0; j < MOST; j++) put_block(m, b++, node[i], node[j], d[i][j]);
   }
 }
 
@@ -175,7 +185,7 @@ typedef struct {
 } frozen_edges;
 
 /* Forces on the ends x of two edges, the first one's first. */
-static void forces_of_edges(const void *pair, const vec3 x[4], vec3 f[4]) {
+static void forces_of_edges(const void *pair, const vec3 x[MOST], vec3 f[MOST]) {
   const frozen_edges *q = pair;
   const two_edges both = {minus(x[1], x[0]), minus(x[3], x[2])};
   const vec3 w = minus(x[0], x[2]), n = cross(both.u, both.v);
@@ -207,7 +217,7 @@ void mufe_edge_tangent(const tangent_type *m, int64_t num_before, int64_t num_pa
     if (!s->closed) continue;
     const int32_t i = s->first, j = s->second;
     int32_t node[4] = {e->ends[2 * i], e->ends[2 * i + 1], e->ends[2 * j], e->ends[2 * j + 1]};
-    vec3 x[4];
+    vec3 x[MOST];
     for (int k = 0; k < 4; k++) x[k] = minus(at(m->x, node[k]), at(m->x, node[0]));
     for (int k = 0; k < 4; k++) node[k] -= num_before;
     const vec3 u = minus(x[1], x[0]), v = minus(x[3], x[2]);
@@ -236,10 +246,10 @@ void mufe_edge_tangent(const tangent_type *m, int64_t num_before, int64_t num_pa
     }
     const double shortest = least(length(u), length(v));
     const double step = most(least(STEP * shortest, NEAR * near), LEAST * shortest);
-    vec3 d[4][4][3];
-    differ(forces_of_edges, &q, x, step, d);
+    vec3 d[MOST][MOST][3];
+    differ(forces_of_edges, &q, 4, x, step, d);
     for (int r = 0; r < 4; r++)
-      for (int c = 0; c < 4; c++) put_block(m, b++, node[r], node[c], 1.0, d[r][c]);
+      for (int c = 0; c < 4; c++) put_block(m, b++, node[r], node[c], d[r][c]);
   }
 }
 
@@ -291,8 +301,10 @@ void mufe_wall_tangent(const tangent_type *m, int64_t num_before, int64_t num_pa
     }
     const double part[3] = {weights.x, weights.y, weights.z};
     for (int i = 0; i < 3; i++)
-      for (int j = 0; j < 3; j++)
-        put_block(m, b++, s->corner[i] - num_before, s->corner[j] - num_before, part[i] * part[j],
-                  d);
+      for (int j = 0; j < 3; j++) {
+        vec3 of[3];
+        for (int k = 0; k < 3; k++) of[k] = times(part[i] * part[j], d[k]);
+        put_block(m, b++, s->corner[i] - num_before, s->corner[j] - num_before, of);
+      }
   }
 }
