@@ -9,7 +9,7 @@ from ..state import Stateful
 from .laws import LARGEST_DEPTH
 from .mirrors import nodes_on_mirrors
 from .pairs.edge_pairs import EdgeContact
-from .pairs.relative_motion import RelativeMotion
+from .pairs.relative_motion import SKIN, RelativeMotion
 from .results.dents import Dents
 from .results.dissipation import Dissipation
 from .search import find_pairs
@@ -113,14 +113,15 @@ class Contact(Stateful):
             **({"dents": dents} if dents.any else {}),
         }
 
-    def search(self, x, ahead=0.0):
+    def search(self, x, ahead=0.0, skin=SKIN):
         """Find all pairs anew, those within ``ahead`` [m] at least. Collective.
 
-        The first search also finds overlaps, up to an edge of the facet deep.
+        The first search also finds overlaps, up to an edge of the facet deep. ``skin``: how far
+        candidates reach beyond the closed gap, in mean facet edges.
         """
         if self.before_search is not None:
             self.before_search()
-        find_pairs(self, x, ahead)
+        find_pairs(self, x, ahead, skin)
         self.num_searches += 1
 
     def deepest(self):

@@ -9,9 +9,10 @@ from .start.overlap import depths_to_search
 from .surface.active_nodes import nodes_of_pairs
 from .surface.bulges import highest
 from .surface.exchange import exchange_surface
+from .surface.surface import in_closed_cracks
 
 
-def find_pairs(contact, x, ahead):
+def find_pairs(contact, x, ahead, skin):
     """Make the pairs of contact those within ``ahead`` [m] at least. Collective.
 
     They take over what the pairs before remember.
@@ -19,8 +20,10 @@ def find_pairs(contact, x, ahead):
     Args:
         contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
         x: Positions of the nodes [m], shape (num_nodes, 3).
+        ahead, skin: As of its ``search``.
     """
     own, motion, walls, edges = contact.own, contact.motion, contact.walls, contact.edges
+    motion.skin = skin * contact.edge
     contact.ghosts.moving = None
     gathered = np.empty((own.nodes.size, 3))
     gather_rows(gathered, x, own.nodes)
@@ -71,7 +74,7 @@ def exchange(contact, positions, reach, overlap=0.0):
     layers, contact.searched = contact.layers, positions
     contact.surface, ghosts = exchange_surface(
         contact.comm, contact.own, layers, positions, reach + overlap + layers.rise,
-        contact.dissipation.num_grains,
+        contact.dissipation.num_grains, in_closed_cracks(contact.own, positions),
     )  # fmt: skip
     contact.own = contact.surface.part_of(contact.own)
     contact.ghosts.renew(contact.surface, ghosts, positions)

@@ -7,6 +7,7 @@ has rows from those of before, through the ``state_dict`` of each part.
 import numpy as np
 
 from ..contact.growth import beside, carry_contact
+from ..contact.pairs.relative_motion import SKIN, SKIN_BESIDE_CRACKS
 from ..contact.taking_over import take_over
 from ..errors import raise_together
 from ..state import ForceTerm
@@ -135,7 +136,9 @@ def _meet_anew(simulation, loose, faces):
     contact, walls, x = simulation.contact, simulation.walls, simulation.state.x
     mesh, (sides, traction, held) = simulation.mesh, faces
     any_faces = simulation.comm.allreduce(len(sides)) > 0
-    contact.search(x)
+    # Faces of pieces may lie deep in each other; else the mesh is likely to grow again soon.
+    is_loose = simulation.comm.allreduce(loose.size) > 0
+    contact.search(x, skin=SKIN if is_loose else SKIN_BESIDE_CRACKS)
     contact.bind()
     if contact.layers.kinematic:  # which stores nothing, and acts at other positions
         return

@@ -401,6 +401,27 @@ def test_a_crack_that_ends_in_a_contact_closes_the_balance():
     assert abs(s.energies()["residual"]) < 1e-3 * before["kinetic"]
 
 
+def test_a_closed_crack_beneath_a_contact_changes_nothing():
+    """A ball is drawn over the mouth of one half through a cube: points in facets bear the same."""
+    points, cells = sphere(0.5 * SIDE, 0.15 * SIDE, (0.4 * SIDE, 0.53 * SIDE, 1.51 * SIDE))
+    ways, found = SIDE * np.array([[0.0, 0.0, -0.04], *[[0.04, 0.0, 0.0]] * 5]), []
+    for cracked in (False, True):
+        s = build(ALONE, [CUBE, (points, cells)], ELASTIC, (0, 0, 0), (SIDE,) * 3, "")
+        if cracked:
+            s.grow(between(s.mesh, lambda x: middle(x) & (x[..., 2] > 0.49 * SIDE)))
+        contact, x = s.contact, s.mesh.x.copy()
+        for way in np.repeat(ways, 20, axis=0):
+            x[s.mesh.grain_of_node == 1] += way / 20
+            contact.begin_step(x)
+            contact.add_forces(np.zeros_like(x), x)
+            of_facets = contact.pairs.node < contact.points.num_in_facets
+            found.append(np.sort(contact.pairs.normal_force[contact.pairs.closed & of_facets]))
+    for whole, cracked in zip(found[: len(found) // 2], found[len(found) // 2 :], strict=True):
+        # The cube lies as it did: to the rounding of gaps.
+        np.testing.assert_allclose(cracked, whole, rtol=1e-9)
+    assert whole.size > 5
+
+
 def pressed_on(mesh, walls):
     """Such a simulation as of :func:`pressed` on a mesh."""
     return Simulation(mesh, [YIELDING] * mesh.num_grains, walls, friction=0.3)

@@ -178,6 +178,7 @@ class _Edges:
         self.area = np.empty(self.grain.size)
         edge_areas(self.area, self.ends, s.area_of_facet, s.ring_offset, s.ring)
         self.length = edge_of_area(self.area, 2)  #: of an even mesh [m]
+        self.can_meet = s.use[sides].any(axis=1)
         self.layer = s.layer_of_facet[sides].mean(axis=1)
         self.compliance = s.compliance_of_edge[sides[:, 0], self.key % 3]
         self.depth = s.depth_of_facet[sides].mean(axis=1)
@@ -238,18 +239,21 @@ def _search(x, edges, reach):
     Returns:
         First and second edge of each pair, in increasing order.
     """
-    if not edges.num_own:
+    some = np.flatnonzero(edges.can_meet).astype(np.int32)
+    num_own = int(np.searchsorted(some, edges.num_own))
+    if not num_own:
         return np.empty((2, 0), np.int32)
-    a, b = np.moveaxis(x[edges.ends[: edges.num_own]], 1, 0)
+    ends = edges.ends[some]
+    a, b = np.moveaxis(x[ends[:num_own]], 1, 0)
     low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
     extent = np.abs(b - a).max(axis=1).mean()
     # Cells no smaller than an edge with its reach, no more of them than edges.
-    size = max(extent + reach, np.cbrt(np.prod(high - low + extent) / edges.num_own))
+    size = max(extent + reach, np.cbrt(np.prod(high - low + extent) / num_own))
     shape = tuple(((high - low) / size).astype(np.int64) + 1)
-    cells = sort_edges_into_cells(x, edges.ends, edges.num_own, low, size, shape)
+    cells = sort_edges_into_cells(x, ends, num_own, low, size, shape)
     first, second = find_edge_pairs(
-        x, edges.ends, edges.grain, edges.body, edges.num_own, reach, low, size, shape, *cells
+        x, ends, edges.grain[some], edges.body[some], num_own, reach, low, size, shape, *cells
     )
     # As cells have them, the order of sums would hang on where other grains are.
     order = np.lexsort((second, first))
-    return first[order], second[order]
+    return some[first[order]], some[second[order]]

@@ -9,6 +9,8 @@ from .motion_bounds import RANGE, GrainMoves
 
 #: Candidates reach this far beyond the closed gap, in mean facet edges.
 SKIN = 0.4
+#: The same where the mesh has just grown, as it does again soon.
+SKIN_BESIDE_CRACKS = 0.1
 
 
 class RelativeMotion(Stateful):
@@ -22,7 +24,7 @@ class RelativeMotion(Stateful):
     """
 
     STATE = {
-        "common": ("bound", "searched_at", "reach", "overlap"),
+        "common": ("bound", "searched_at", "reach", "overlap", "skin"),
         "largest": ("overrun", "overrun_of_all"),
     }
 
@@ -31,7 +33,7 @@ class RelativeMotion(Stateful):
         self.bound = 0.0  #: of all relative motion so far, the same on all ranks [m]
         self.searched_at = 0.0  #: the bound at the last search [m]
         self.reach = self.overlap = 0.0  #: of the last search, and for overlaps beyond it [m]
-        self.skin = SKIN * edge
+        self.skin = SKIN * edge  #: of the last search [m]
         self.longest = RANGE * edge  #: longest wait of a pair [m]
         self._width = comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
         #: By how much bounds of two grains go beyond what was expected soon, on this rank, and two

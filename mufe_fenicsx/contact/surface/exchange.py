@@ -31,7 +31,8 @@ class Surface:
     compliance_of_edge: np.ndarray  #: of sharp ones, relative, of both ends [m/N], (num_facets, 3)
     bulge_of_facet: np.ndarray  #: as of surface.bulges [m], shape (num_facets, 6)
     curvature_of_facet: np.ndarray  #: as of surface.bulges, shape (num_facets, 3)
-    use: np.ndarray  #: False for facets that only complete a ring, shape (num_facets,)
+    #: False for facets that only complete a ring, or lie in a closed crack,
+    use: np.ndarray  #: shape (num_facets,)
     neighbour: np.ndarray  #: as in kernels.geometry.closest, shape (num_facets, 3)
     ring_offset: np.ndarray  #: compressed rows of the facets around each node
     ring: np.ndarray
@@ -107,7 +108,7 @@ class SurfaceVector(SurfaceArray):
             self.vector.destroy()
 
 
-def exchange_surface(comm, own, layers, x, reach, num_grains):
+def exchange_surface(comm, own, layers, x, reach, num_grains, hidden):
     """Fetch the facets of other ranks that lie within ``reach`` of this rank's surface. Collective.
 
     Ranks whose boxes overlap, grown by ``reach``, tell each other which cells of a grid their
@@ -123,6 +124,7 @@ def exchange_surface(comm, own, layers, x, reach, num_grains):
         x: Positions of own surface nodes [m], shape (num_nodes, 3).
         reach: Distance [m].
         num_grains: Of all ranks.
+        hidden: Rows of own facets that nothing can touch.
 
     Returns:
         :class:`Surface` and the global numbers of ghost nodes, shape (num_ghosts,).
@@ -130,6 +132,8 @@ def exchange_surface(comm, own, layers, x, reach, num_grains):
     num_own, num_facets = own.nodes.size, len(own.facets)
     first_node = comm.exscan(num_own) or 0
     first_facet = comm.exscan(num_facets) or 0
+    use = np.ones(num_facets, dtype=bool)
+    use[hidden] = False
     surface = Surface(
         facets=own.facets,
         global_facet=first_facet + np.arange(num_facets),
@@ -142,7 +146,7 @@ def exchange_surface(comm, own, layers, x, reach, num_grains):
         compliance_of_edge=layers.compliance_of_edge,
         bulge_of_facet=layers.smooth.bulge,
         curvature_of_facet=layers.smooth.curvature,
-        use=np.ones(num_facets, dtype=bool),
+        use=use,
         neighbour=own.neighbour,
         ring_offset=own.ring_offset,
         ring=own.ring,
@@ -275,7 +279,7 @@ def _packed(surface, near, num_nodes, first_node):
     rows = np.empty((send.size, NUMBERS), dtype=np.int64)
     rows[:, :3] = s.facets[send] + np.int64(first_node)
     rows[:, 3] = s.global_facet[send]
-    rows[:, 4] = 16 * s.body_of_facet[send].astype(np.int64) + near[send]
+    rows[:, 4] = 16 * s.body_of_facet[send].astype(np.int64) + (near & s.use)[send]
     rows[:, 4] += s.sharp_edge[send] @ np.array([2, 4, 8])
     numbers = (
         s.layer_of_facet, s.area_of_facet, s.depth_of_facet, *s.compliance_of_edge.T,

@@ -12,12 +12,12 @@ import numpy as np
 
 from ...kernels.geometry.rings import rings
 from .points import point_lists
-from .surface import own_surface
+from .surface import faces_of_cracks, own_surface
 
 #: Fields of points that are rows of them, and no numbers of others.
 OF_POINTS = (
     "grain_of_point", "body_of_point", "local_grain", "area", "layer", "facet_area", "depth",
-    "curvature", "cell", "recess",
+    "curvature", "cell", "stands", "recess",
 )  # fmt: skip
 
 
@@ -92,7 +92,8 @@ class GrownSurface:
         self._orders = [grain[np.flatnonzero(np.diff(grain, prepend=-1))] for grain in grains]
         self._nodes = self._blocks(0, before.grain_of_node, part.grain_of_node)
         self.facets = self._blocks(1, before.grain_of_facet, part.grain_of_facet)
-        self.own = self._merged(before, mesh.source.nodes)
+        own = self._merged(before, mesh.source.nodes)
+        self.own = replace(own, cracks=faces_of_cracks(mesh, own.side, own.body_of_facet))
 
     def _blocks(self, kind, before, part):
         """Blocks of what stands in the order of nodes (0) or of facets (1)."""

@@ -7,12 +7,15 @@ import numpy as np
 
 from ...kernels.contact.edge_search import sharp_edges
 from ...kernels.geometry.rings import neighbours, rings
+from ...kernels.geometry.topology import rows_of
 
 #: Convex edges are sharp whose facets' normals differ by more than this angle [rad]. Where two
 #: edges of length h cross at their middles, a vertex is inside the other body from the depth
 #: (h/2) tan(angle/2) on, of the blunter edge: at 20° nodes and facets miss 0.09 h at most, on
 #: a smooth surface (angle = 0.6 h/R) 0.15 h²/R, as much as its facets cut off.
 SHARP_EDGE = math.radians(20.0)
+#: A crack is closed while its faces lie on each other up to this part of an edge.
+CLOSED = 0.1
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,7 @@ class OwnSurface:
     mirror: np.ndarray  #: wall that an edge without a neighbour lies on, -1 for none
     mirror_normal: np.ndarray  #: unit normals of all walls, shape (num_walls, 3)
     sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
+    cracks: np.ndarray  #: facets on both sides of cracks that have not gone through, (num, 2)
 
 
 def own_surface(mesh, x, on_mirror=None, mirror_normal=None, some=None):
@@ -79,6 +83,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None, some=None):
         bodies = tuple(grain.copy() for grain in bodies)
         bodies[1][:] += mesh.labels.size * mesh.piece_of_cell[mesh.cell_of_facet[outside]]
         bodies[0][facets] = bodies[1][:, None]
+    side = mesh.side_of_facet[outside]
     return OwnSurface(
         nodes=nodes.astype(np.int32),
         facets=facets,
@@ -86,7 +91,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None, some=None):
         grain_of_facet=grain_of_facet,
         body_of_node=bodies[0],
         body_of_facet=bodies[1],
-        side=mesh.side_of_facet[outside],
+        side=side,
         area=area,
         facet_area=facet_area,
         facet_edge=edges / 3.0,
@@ -100,6 +105,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None, some=None):
         mirror=_mirrors_at_edges(on_mirror[of_mesh], across),
         mirror_normal=mirror_normal,
         sharp_edge=sharp_edges(x[nodes], facets, across, math.cos(SHARP_EDGE)),
+        cracks=faces_of_cracks(mesh, side, bodies[1]),
     )
 
 
@@ -110,3 +116,34 @@ def _mirrors_at_edges(on, across):
     both = on & np.roll(on, -1, axis=1)  # both ends of the edges 0-1, 1-2, 2-0
     wall = np.where(both.any(axis=2) & (across < 0), both.argmax(axis=2), -1)
     return wall.astype(np.int32)
+
+
+def faces_of_cracks(mesh, side, body):
+    """Facets on both sides of cracks that have not gone through, shape (num, 2). Local.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        side, body: Fields ``side`` and ``body_of_facet`` of :class:`OwnSurface`.
+    """
+    rows = rows_of(side, mesh.sides_between(mesh.all_opened[:, :2]).ravel()).reshape(-1, 2)
+    known = rows[(rows >= 0).all(axis=1)]
+    return known[body[known[:, 0]] == body[known[:, 1]]]
+
+
+def in_closed_cracks(own, x):
+    """Facets of cracks that nothing can touch: the body goes on beyond them. Local.
+
+    To a point that is a little inside the body beside a closed crack, the crack's face would be the
+    closest, and the point outside of it.
+
+    Args:
+        own: :class:`OwnSurface`.
+        x: Positions of its nodes [m], shape (num_nodes, 3).
+
+    Returns:
+        Their rows.
+    """
+    cracks = own.cracks
+    first, second = x[own.facets[cracks]].mean(axis=2).transpose(1, 0, 2)
+    apart = np.linalg.norm(second - first, axis=1)
+    return cracks[apart < CLOSED * own.facet_edge[cracks[:, 0]]].ravel()
