@@ -21,7 +21,8 @@ LEVELS = (
     {"specimen", "results"},
     {"explicit", "implicit", "report"},
     {"run", "synthetic"},
-    {"planning", "peers", "calibration"},
+    {"planning", "peers"},
+    {"calibration"},
     {"verification"},
     {"cli"},
 )

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InputError
 from ..machine.files import new_folder, write_atomically
 from ..units import with_unit
-from . import own_mesh, sentences
+from . import own_mesh, rounds, sentences
 from .data import read_data, within_table
 from .figures import draw_curves, draw_friction, draw_survival
 from .fit import Given, fit_simplest
@@ -35,9 +35,11 @@ class Options:
     given: Given
     density: float  #: [kg/m³]
     size: object = None  #: :class:`~.data.Size` of grains whose table has none
+    grain: object = None  #: :class:`~.rounds.Grain` whose mesh is run; None: a ball
+    ranks: int = 1  #: of each run
 
 
-def calibrate(paths, options, output, overwrite=False, progress=None):
+def calibrate(paths, options, output, overwrite=False, progress=None, say=print):
     """Fit all that the tables have and write it to a folder. Local.
 
     Args:
@@ -46,6 +48,7 @@ def calibrate(paths, options, output, overwrite=False, progress=None):
         output: Folder to write: parameters.csv, material.toml, curves.png, …
         overwrite: Replace an earlier one.
         progress: Function (done, total, text), or None.
+        say: Called with lines on the rounds of a grain with its own mesh.
 
     Returns:
         A dict: ``parameters`` is a list of dicts (name, value, low, high, unit), of 95 %, value
@@ -54,12 +57,24 @@ def calibrate(paths, options, output, overwrite=False, progress=None):
 
     Raises:
         InputError: As of :func:`~.data.read_data`; or the folder is there.
+        SolverError: A run of the grain failed.
+        Interrupted: A signal came while one ran; runs stay.
     """
     data = read_data(paths, options.size)
-    if data.curves:
-        data = _within_model(data, options)
-    result = {"parameters": [], "notes": [f"{note}." for note in data.notes], "material": ""}
-    with new_folder(output, overwrite=overwrite, marker=TABLE) as folder:
+    runs, notes = Path(output) / rounds.FOLDER, data.notes[:]
+    begun = options.grain is not None and runs.exists() and not (runs.parent / TABLE).exists()
+    marker = rounds.FOLDER if begun else TABLE
+    with new_folder(output, overwrite=overwrite or begun, marker=marker) as folder:
+        within = _within_model(data, options)
+        if options.grain is not None:
+            own = rounds.Rounds(data, options, runs, say)
+            own.check(overwrite)
+            setup, unsettled = own.settle()
+            options = replace(options, setup=setup)
+            data.notes[:] = [*notes, *([unsettled] if unsettled else [])]
+            within = _within_model(data, options)
+        data = within
+        result = {"parameters": [], "notes": [f"{note}." for note in data.notes], "material": ""}
         if data.curves:
             _pressed(folder, data, options, result, progress)
         if data.rubbed:
@@ -70,6 +85,8 @@ def calibrate(paths, options, output, overwrite=False, progress=None):
         if result["material"]:
             notes = "".join(f"# {note}\n" for note in result["notes"])
             write_atomically(folder / "material.toml", notes + result["material"])
+        if options.grain is not None:
+            runs.rename(folder / rounds.FOLDER)
     return result | {"output": Path(output)}
 
 

@@ -251,6 +251,14 @@ def fit_curves(curves, setup, given=None, progress=None):
 
 
 def fit_simplest(curves, setup, given, progress=None):
+    """As :func:`simplest`, with the other materials that fit as well. Local."""
+    fit, given = simplest(curves, setup, given, progress)
+    if given.elastic or "E" not in fit.names:
+        return fit, given
+    return replace(fit, others=_others(fit, curves, setup, given)), given
+
+
+def simplest(curves, setup, given, progress=None):
     """As :func:`fit_curves`, without yield where curves do not ask for it. Local.
 
     Returns:
@@ -268,7 +276,7 @@ def fit_simplest(curves, setup, given, progress=None):
     reached = more < MODEL_ERRORS[0] ** 2 and fit.half_width("yield") >= to_elastic
     if more < most or reached:
         return elastic, without
-    return replace(fit, others=_others(fit, curves, setup, given)), given
+    return fit, given
 
 
 def _by_chance(fit, curves, fewer, part):
@@ -279,8 +287,6 @@ def _by_chance(fit, curves, fewer, part):
 
 def _others(fit, curves, setup, given):
     """Materials with quite another modulus that fit as well: where all flows there may be some."""
-    if "E" not in fit.names:
-        return []
     most = fit.scatter**2 + _by_chance(fit, curves, 1, 0.99)
     moduli = [fit.material["E"] * part for part in ASIDE]
     found = [fit_curves(curves, setup, replace(given, E=E)) for E in moduli

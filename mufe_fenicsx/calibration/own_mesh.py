@@ -24,16 +24,21 @@ from . import ball
 from .data import LEAST, Size
 from .model import Setup
 
-#: Approaches of ψ, and how many finer ones make the mean at each.
-POINTS, FINER = 16, 8
+#: Approaches of ψ, how many finer ones make the mean at each, and rows of a run at least.
+POINTS, FINER, ROWS = 32, 4, 12
+#: Columns of platens; force over that of a later row from which on it did not stay.
+PLATENS, LOST = ("force_z_min", "force_z_max"), 2.0
+#: Force on side walls over that on platens from which on a grain is not pressed alone.
+SIDES = 0.01
 #: Edges per radius of the contact from which on a run counts.
 RESOLVED = 1.0
 #: Force goes with R^½ where a grain is elastic and with R where it flows: the part of log ψ by
 #: which materials that are a factor e apart may differ.
 PART = 1 / 3
-#: Logarithms of materials that are nearer tell no slope; that are farther want another run, and
-#: from which on no error is known.
-NEAR, FAR, SPOILT = 0.1, 0.4, 1.0
+#: Logarithms over which log ψ may bend, and the scatter of a run's own.
+BEND, NOISE = 2.0, 0.005
+#: Logarithms of materials that are farther want another run, and from which on no error is known.
+FAR, SPOILT = 0.4, 1.0
 
 
 @dataclass(frozen=True)
@@ -51,11 +56,12 @@ class Shape:
         return np.exp(self._at(np.log(delta), place(Y, k)))
 
     def _at(self, log_delta, where):
-        mean = self.places.mean(axis=0)
-        apart, values = self.places - mean, self.log_ratio.mean(axis=0)
-        near = apart @ apart.T + NEAR**2 * np.eye(len(apart))
-        slopes = apart.T @ np.linalg.solve(near, self.log_ratio - values)
-        return np.interp(log_delta, np.log(self.delta), values + (where - mean) @ slopes)
+        mean = self.log_ratio.mean(axis=0)
+        every = _alike(self.places, self.places) + NOISE**2 * np.eye(len(self.places))
+        weights = np.linalg.solve(every, _alike(self.places, where[None])[:, 0])
+        return np.interp(
+            log_delta, np.log(self.delta), mean + weights @ (self.log_ratio - mean)
+        )
 
     def distance(self, Y, k):
         """Of a material from the nearest run, in logarithms."""
@@ -112,10 +118,15 @@ def how_far(fit, setup):
         return [], False
     said = (
         f"No run has nearly this material (a factor of {np.exp(away):.2g} in yield stress over "
-        "modulus or in hardening), for which intervals are wider: run the grain with it too, and "
-        "give all runs, each by --run."
+        "modulus or in hardening), for which intervals are wider."
     )
     return [said], away > SPOILT
+
+
+def _alike(one, other):
+    """Covariance of log ψ of materials, shape (num_one, num_other)."""
+    apart = np.linalg.norm(one[:, None] - other[None], axis=2)
+    return (PART * BEND) ** 2 * np.exp(-0.5 * (apart / BEND) ** 2)
 
 
 def place(Y, k):
@@ -149,7 +160,7 @@ def shape_of_runs(paths):
         )
     at, ratios, places = np.geomspace(first, last, POINTS), [], []
     for material, x, stress in runs:
-        Y, H = _linear(material)
+        Y, H = linear(material)
         delta, own, _ = Setup(nu).course(material.E, Y, H)
         ratio = np.log(stress / np.interp(x, delta, own))
         finer = np.geomspace(first, last, POINTS * FINER)
@@ -161,7 +172,7 @@ def shape_of_runs(paths):
     return Shape(at, np.array(ratios), np.array(places), least, nu)
 
 
-def _linear(material):
+def linear(material):
     """Yield stress and slope of hardening [Pa] of a table; of elastic grains as fits have them."""
     if not isinstance(material, J2):
         return material.E, material.E
@@ -181,15 +192,22 @@ def _read(path):
         )
     rows = history.iloc[: int(np.argmin(history["height"])) + 1]
     height = rows["height"].to_numpy()
-    force = rows[["force_z_min", "force_z_max"]].to_numpy().mean(axis=1)
-    R = 0.5 * np.cbrt(6 * mass / (np.pi * material.rho))
-    x = (_touch(height, force) - height) / (2 * R)
+    both = rows[list(PLATENS)].to_numpy()
+    beside = [name for name in rows if name.startswith("force_") and name not in PLATENS]
+    most = float(np.abs(rows[beside].to_numpy()).max(initial=0.0))
+    if most > SIDES * both.max():
+        raise InputError(
+            f"run {path} has {most:.3g} N on side walls and {both.max():.3g} N on platens, expected "
+            f"at most {SIDES:g} of it: move the side walls out"
+        )
+    force, R = both.mean(axis=1), 0.5 * np.cbrt(6 * mass / (np.pi * material.rho))
+    x = (_touch(height, both.min(axis=1)) - height) / (2 * R)
     resolved = (rows["elements_per_radius"].to_numpy() >= RESOLVED) & (force > 0.0)
     resolved &= (x > 0.0) & (x <= ball.load().delta[-1])
-    if resolved.sum() < POINTS:
+    if resolved.sum() < ROWS:
         raise InputError(
             f"run {path} has {resolved.sum()} rows with {RESOLVED:g} edge per contact radius or "
-            f"more, expected {POINTS}: press farther, with more rows of history, or a finer mesh"
+            f"more, expected {ROWS}: press farther, with more rows of history, or a finer mesh"
         )
     # Time steps shake a platen: a row above the next ones is no way back.
     x, grown = np.unique(np.maximum.accumulate(x[resolved]), return_index=True)
@@ -197,8 +215,14 @@ def _read(path):
 
 
 def _touch(height, force):
-    """Height of first touch [m]: of the last row without a force, or else the first row."""
-    free = np.flatnonzero(force <= 0.0)
-    loaded = np.flatnonzero(force > 0.0)[0]
-    before = free[free < loaded]
-    return float(height[before[-1]] if before.size else height[loaded])
+    """Height of first touch [m], by Hertz from the first two rows of the force that stays.
+
+    Before, a loose grain is pushed about: its force is gone again at a later row.
+    """
+    stays = np.minimum.accumulate(force[::-1])[::-1]
+    lost = np.flatnonzero((stays <= 0.0) | (force > LOST * stays))
+    first = lost[-1] + 1 if lost.size else 0
+    later = first + int(np.argmax(height[first:] < height[first]))
+    ratio = np.cbrt(force[later] / force[first]) ** 2
+    back = (height[first] - height[later]) / max(ratio - 1.0, 1e-9)
+    return float(min(height[first] + back, height[max(first - 1, 0)]))

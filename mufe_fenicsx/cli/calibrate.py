@@ -9,10 +9,14 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
+from ..machine.mpi_launcher import find_mpirun
 from ..units import to_si, with_unit
 from .app import Json, Overwrite, app, serial_only
 from .arguments import lengths, number_or_text
 from .terminal import Printer, progress_bar
+
+#: Of the grains [kg/m³] where nobody states it.
+DENSITY = 2650.0
 
 
 @app.command()
@@ -37,10 +41,13 @@ def calibrate(
     platen: Annotated[
         str, typer.Option(metavar="E,NU", help='Of platens; "rigid" for none. Default: steel.')
     ] = "210 GPa,0.3",
-    nu: Annotated[float, typer.Option(help="Poisson's ratio of the grains.")] = 0.2,
+    nu: Annotated[
+        float | None, typer.Option(help="Poisson's ratio of the grains. Default: scene's, or 0.2.")
+    ] = None,
     density: Annotated[
-        str, typer.Option(metavar="RHO", help="Of the grains, for the [material] block.")
-    ] = "2650 kg/m^3",
+        str | None,
+        typer.Option(metavar="RHO", help="Of the block. Default: scene's, or 2650 kg/m^3."),
+    ] = None,
     modulus: Annotated[
         str | None, typer.Option(metavar="E", help="Young's modulus, where it is known.")
     ] = None,
@@ -55,13 +62,15 @@ def calibrate(
         str | None,
         typer.Option(metavar="X", help="Displacement at touch, where it is known; else sought."),
     ] = None,
-    run: Annotated[
-        list[Path] | None,
+    scene: Annotated[
+        Path | None,
         typer.Option(
-            metavar="RUN",
-            help="Of a grain of this shape, as of `mufe new single-grain`; more, other materials.",
+            metavar="SCENE",
+            help="Of this grain's own mesh between platens, as of `mufe new single-grain`: it is "
+            "run with what is found, in turns, and stands for the ball.",
         ),
     ] = None,
+    ranks: Annotated[int, typer.Option(min=1, help="Of each run of the scene.")] = 1,
     overwrite: Overwrite = False,
     json: Json = None,
 ):
@@ -72,11 +81,11 @@ def calibrate(
     from ..calibration.calibrate import calibrate as fit_all
     from ..calibration.fit import Given
     from ..calibration.model import TESTS, Setup
-    from ..calibration.own_mesh import shape_of_runs
+    from ..calibration.rounds import read_grain
 
     if test not in TESTS:
         raise InputError(f'--test "{test}", expected one of {", ".join(TESTS)}')
-    if not 0.0 <= nu < 0.5:
+    if nu is not None and not 0.0 <= nu < 0.5:
         raise InputError(f"--nu {nu:g}, expected 0 <= nu < 0.5")
     sought = compliance in ("common", "each")
     given = Given(
@@ -86,22 +95,36 @@ def calibrate(
     )
     if not sought and given.compliance < 0.0:
         raise InputError(f"--compliance {compliance}, expected 0 or more")
-    shape = shape_of_runs(run) if run else None
-    if shape and sought:
-        raise InputError(
-            f"--compliance {compliance}, expected with --run that of the machine as it was "
-            'measured, such as "0.05 um/N"'
-        )
-    if shape and test != "platens":
-        raise InputError(f"--test {test}, expected platens with --run")
-    if shape and shape.nu != nu:
-        raise InputError(f"--nu {nu:g}, expected with --run {shape.nu:g}, that of the run")
-    setup = Setup(nu, test, _platen(platen), shape)
-    options = Options(setup, given, _usual("--density", density, "kg/m^3"), _size(diameter))
+    grain, size = None, _size(diameter)
+    density = _usual("--density", density, "kg/m^3")
+    if scene is not None:
+        if ranks > 1 and find_mpirun() is None:
+            raise InputError(f"--ranks {ranks}, expected mpirun beside Python or on PATH")
+        grain = _grain(read_grain(scene), compliance, test, nu, density)
+        nu, density = grain.scene.material.nu, grain.scene.material.rho
+        size = size or grain.size
+    setup = Setup(0.2 if nu is None else nu, test, _platen(platen))
+    options = Options(setup, given, density or DENSITY, size, grain, ranks)
     with progress_bar("calibrating") as progress:
-        result = fit_all(data, options, output, overwrite, progress)
+        result = fit_all(data, options, output, overwrite, progress, printer.say)
     _print(printer, result)
     printer.write_json(result)
+
+
+def _grain(grain, compliance, test, nu, density):
+    """The grain of a scene, with which the other options agree."""
+    material = grain.scene.material
+    for name, value, wanted in (
+        ("--nu", nu, material.nu), ("--density", density, material.rho), ("--test", test, "platens")
+    ):  # fmt: skip
+        if value is not None and value != wanted:
+            raise InputError(f"{name} {value}, expected with --scene {wanted}")
+    if compliance in ("common", "each"):
+        raise InputError(
+            f"--compliance {compliance}, expected with --scene that of the machine as it was "
+            'measured, such as "0.05 um/N"'
+        )
+    return grain
 
 
 def _print(printer, result):

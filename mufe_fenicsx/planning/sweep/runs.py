@@ -90,11 +90,12 @@ class Runner:
         grains: Folder of the grains of each run, or None.
         num_ranks: Of each run.
         say: Called with a line when a run begins or ends.
+        go_on: What is said to follow where a signal comes.
     """
 
-    def __init__(self, sweep: Sweep, folder, grains, num_ranks=1, say=print):
+    def __init__(self, sweep: Sweep, folder, grains, num_ranks=1, say=print, go_on=GO_ON):
         self.sweep, self.folder, self.grains = sweep, Path(folder), grains
-        self.num_ranks, self.say = num_ranks, say
+        self.num_ranks, self.say, self.go_on = num_ranks, say, go_on
         self.failed = {}  #: number of a run -> why it failed
         self._todo, self._running = [], {}
         self._waits_for = self._signal = None
@@ -139,7 +140,7 @@ class Runner:
         """Where a signal came, let the runs write checkpoints and leave."""
         if not self._signal:
             return
-        ended = Interrupted(self._signal, GO_ON)
+        ended = Interrupted(self._signal, self.go_on)
         for number, process in self._running.items():
             with _log_of(self.folder, self.sweep.names[number]).open("a") as file:
                 file.write(f"the sweep was {ended}; it asks this run to end\n")
