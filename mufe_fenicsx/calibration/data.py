@@ -56,6 +56,8 @@ SHORT = 3
 FRICTION = (1e-3, 10.0)
 #: A force falls if it drops by this many times the scatter, and by this part of the largest.
 TIMES, PART = 5.0, 0.05
+#: Standard deviation of normal noise over the median size of its second differences.
+DEVIATION = 1.4826 / 6**0.5
 
 
 @dataclass(frozen=True)
@@ -287,13 +289,15 @@ def _check_rising(path, label, lines, x, force):
     """Raise InputError where a force falls beyond its scatter while the displacement rises."""
     order = np.argsort(x, kind="stable")
     ordered = force[order]
-    wide = np.pad(ordered, 2, mode="edge")
+    wide = np.pad(ordered, 2, mode="reflect")  # the last row alone is no fall
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(wide, 5), axis=1)
-    scatter = float(np.std(ordered - smooth))
     top = np.maximum.accumulate(smooth)
-    drop = top - smooth
+    drop, size = top - smooth, np.maximum(top, PART * top[-1])
+    # Noise goes with the force, and rows that break are few.
+    bend = np.abs(np.diff(ordered, 2)) / size[1:-1]
+    scatter = DEVIATION * float(np.median(bend))
     i = int(np.argmax(drop))
-    if drop[i] > max(TIMES * scatter, PART * top[-1]):
+    if drop[i] > max(TIMES * scatter * size[i], PART * top[-1]):
         raise InputError(
             f"{path}, line {lines[order[i]]}: curve {label} falls from {top[i]:.4g} to "
             f"{smooth[i]:.4g} N while the displacement rises, expected a force that rises: end "

@@ -14,6 +14,7 @@ from .bar_impact import bar_impact
 from .bar_in_tension import bar_in_tension
 from .brazilian_disc import brazilian_disc
 from .calibrate import calibrate
+from .calibrate_stone import calibrate_stone
 from .case import by_name
 from .cohesive_facet import cohesive_facet
 from .column import column
@@ -107,6 +108,7 @@ CASES = (
         plastic_sphere,
         paper_sphere,
         calibrate,
+        calibrate_stone,
         strain_cycle,
         crush,
         cohesive_facet,
