@@ -95,11 +95,11 @@ def _within_model(data, options):
     setup, given = options.setup, options.given
     if setup.shape is not None:
         data = own_mesh.as_grain(data, setup.shape)
-    data = within_table(data, setup, given.offset)
+    data = within_table(data, setup, given.offset, given.known_compliance)
     for curve in data.curves:
         way = float(np.ptp(curve.displacement))
         most = way / float(curve.force.max())
-        if not isinstance(given.compliance, str) and given.compliance >= most:
+        if given.known_compliance >= most:
             raise InputError(
                 f"compliance = {given.compliance:.3g} m/N, expected less than {most:.3g} m/N, the "
                 f"displacement over the force of curve {curve.name}"
@@ -132,7 +132,7 @@ def _found(fit, law):
     """Rows of the table; a model that does not fit has no intervals."""
     rows, fits = [], sentences.misfit(fit) is None
     for name in fit.names:
-        ends = fit.interval(name) if fits and name not in fit.held else None
+        ends = fit.interval(name) if fits and (name not in fit.held or fit.others) else None
         if ends and law and law.name == name and not law.agrees:
             ends = law.ends
         unit = sentences.UNITS[name.partition(" ")[0]]

@@ -156,13 +156,14 @@ def read_data(paths, size=None):
     return Data(found.curves, found.rubbed, np.array(forces), np.array(diameters), found.notes)
 
 
-def within_table(data, setup, offset=None):
+def within_table(data, setup, offset=None, compliance=0.0):
     """The data without rows beyond the largest displacement that the model knows.
 
     Args:
         data: :class:`Data`; its notes say what is left out.
         setup: :class:`~.model.Setup`.
         offset: Displacement at touch [m]; None: not known.
+        compliance: Of the machine [m/N], where it is known.
 
     Raises:
         InputError: Too few rows of a curve are left, or the offset is beyond it.
@@ -178,7 +179,7 @@ def within_table(data, setup, offset=None):
                 f"largest displacement of curve {curve.name}"
             )
         most = touched + setup.longest * curve.size.radius
-        keep = curve.displacement <= most
+        keep = curve.displacement - compliance * curve.force <= most
         if keep.all():
             curves.append(curve)
             continue

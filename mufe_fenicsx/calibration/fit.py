@@ -31,8 +31,10 @@ STARTS = tuple((y, k) for y in (2e-4, 2e-3, 1e-2, 4e-2) for k in (2.0, 40.0, 400
 MODEL_ERRORS, DECADES = (0.01, 0.007, 0.003), 2.0
 #: Squares of second differences over those of the noise that makes them.
 SECOND = 6.0
-#: Moduli that are tried, over the one that was found.
-ASIDE = (0.1, 0.3, 0.7, 1.4, 3.0, 10.0)
+#: Moduli that are tried, over the one that was found; H/Y that are, where it is not determined.
+ASIDE, RATIOS = (0.1, 0.3, 0.7, 1.4, 3.0, 10.0), (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+#: Room that least squares want between ends of what is held, over it.
+TINY = 1e-6
 #: Half-width of an interval in logarithms from which on a value counts as not determined.
 WIDE = math.log(2.0)
 #: Approach over that of first yield below which the force is that of an elastic ball.
@@ -49,6 +51,12 @@ class Given:
     offset: float | None = None  #: of all curves [m]
     compliance: float | str = "common"  #: of the machine [m/N], or one unknown: "common" or "each"
     elastic: bool = False  #: grains do not yield
+    ratio: float | None = None  #: slope of hardening over yield stress
+
+    @property
+    def known_compliance(self):
+        """Compliance of the machine [m/N] where it is given, else 0."""
+        return 0.0 if isinstance(self.compliance, str) else self.compliance
 
 
 @dataclass
@@ -201,7 +209,9 @@ class Problem:
     def bounds(self):
         """Lowest and highest values of the unknowns."""
         low, high = np.full(len(self.names), -np.inf), np.full(len(self.names), np.inf)
-        ends = {"E": USUAL_E, "yield": YIELD, "hardening": HARDENING}
+        k = self.given.ratio
+        ratios = HARDENING if k is None else (k * (1 - TINY), k * (1 + TINY))
+        ends = {"E": USUAL_E, "yield": YIELD, "hardening": ratios}
         for i, name in enumerate(self.names[: self.num_material]):
             low[i], high[i] = np.log(ends[name])
         low[self.num_material : self.num_material + self.machine] = 0.0
@@ -253,7 +263,7 @@ def fit_curves(curves, setup, given=None, progress=None):
 def fit_simplest(curves, setup, given, progress=None):
     """As :func:`simplest`, with the other materials that fit as well. Local."""
     fit, given = simplest(curves, setup, given, progress)
-    if given.elastic or "E" not in fit.names:
+    if given.elastic:
         return fit, given
     return replace(fit, others=_others(fit, curves, setup, given)), given
 
@@ -286,11 +296,18 @@ def _by_chance(fit, curves, fewer, part):
 
 
 def _others(fit, curves, setup, given):
-    """Materials with quite another modulus that fit as well: where all flows there may be some."""
+    """Materials that fit as well, which the curvature at the best one does not tell.
+
+    Where all flows they have quite another modulus, where contacts are alike another hardening.
+    """
     most = fit.scatter**2 + _by_chance(fit, curves, 1, 0.99)
-    moduli = [fit.material["E"] * part for part in ASIDE]
-    found = [fit_curves(curves, setup, replace(given, E=E)) for E in moduli
-             if USUAL_E[0] < E < USUAL_E[1]]  # fmt: skip
+    tried = []
+    if "E" in fit.names:
+        moduli = [fit.material["E"] * part for part in ASIDE]
+        tried += [replace(given, E=E) for E in moduli if USUAL_E[0] < E < USUAL_E[1]]
+    if "hardening" in fit.held or fit.half_width("hardening") > WIDE:
+        tried += [replace(given, ratio=ratio) for ratio in RATIOS]
+    found = [fit_curves(curves, setup, each) for each in tried]
     return [each.material for each in found if each.scatter**2 < most]
 
 

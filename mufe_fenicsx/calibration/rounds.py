@@ -135,9 +135,8 @@ class Rounds:
     def _way(self):
         """Approach of each contact over the radius that the curves reach."""
         setup, given = self.options.setup, self.options.given
-        machine = 0.0 if isinstance(given.compliance, str) else given.compliance
-        most = 0.0
-        for curve in within_table(replace(self.data, notes=[]), setup, given.offset).curves:
+        machine, most = given.known_compliance, 0.0
+        for curve in self._known(setup).curves:
             x, force = curve.displacement, curve.force
             touched = given.offset
             if touched is None:
@@ -145,6 +144,13 @@ class Rounds:
             way = x.max() - touched - machine * force.max()
             most = max(most, 2 * way / (setup.contacts * curve.size.diameter))
         return min(most, float(ball.load().delta[-1]) / MARGIN)
+
+    def _known(self, setup):
+        """Curves without what the model does not know."""
+        data, given = replace(self.data, notes=[]), self.options.given
+        if setup.shape is not None:
+            data = as_grain(data, setup.shape)
+        return within_table(data, setup, given.offset, given.known_compliance)
 
     def check(self, overwrite):
         """See that runs in the folder, if any, are of this scene; else remove them.
@@ -177,9 +183,7 @@ class Rounds:
         while True:
             shape = shape_of_runs([folder_of(self.folder, name) for name in self._names(found)])
             setup = replace(self.options.setup, shape=shape)
-            data = replace(self.data, notes=[])
-            curves = within_table(as_grain(data, shape), setup, self.options.given.offset)
-            fit, _ = simplest(curves.curves, setup, self.options.given)
+            fit, _ = simplest(self._known(setup).curves, setup, self.options.given)
             name, off = _farthest(fit, found)
             material = tuple(fit.material[name] for name in MATERIAL)
             told = ", ".join(with_unit(value, "Pa") for value in material)

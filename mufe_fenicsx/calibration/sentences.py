@@ -42,7 +42,9 @@ def end_of_table(fit):
     slopes[fit.names.index("yield")] = Y / stress
     slopes[fit.names.index("hardening")] = H * strain / stress
     half = student.ppf(0.975, fit.freedom) * math.sqrt(slopes @ fit.covariance @ slopes)
-    return strain, stress, (stress * math.exp(-half), stress * math.exp(min(half, 50.0)))
+    others = [other["yield"] + other["hardening"] * strain for other in fit.others]
+    low, high = stress * math.exp(-half), stress * math.exp(min(half, 50.0))
+    return strain, stress, (min(low, *others, low), max(high, *others, high))
 
 
 def yielded(fit):
