@@ -5,9 +5,11 @@ a smooth function of the approach, which depends little on the material,
 
     F(δ) = ψ(δ/R; Y/E*, H/Y) F_ball(δ),   ψ = F_run/F_ball at the material of a run.
 
-Elastic grains count as Y = H = E, of which no ball yields. Of several runs log ψ is linear in the
-logarithms of Y/E* and 1 + H/Y/10, of one it is that of its material. Contacts of less than one edge
-per radius are those of a mesh and not of a grain: there ψ is not known.
+By dimensions no other number of the material enters. Elastic grains count as Y = H = E, of which no
+ball yields. Between runs log ψ is a Gaussian process of the logarithms of Y/E* and 1 + H/Y/10
+(Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, eq. 2.25), so that at each run
+it is that run's own. Contacts of less than one edge per radius are those of a mesh and not of a
+grain: there ψ is not known.
 """
 
 from dataclasses import dataclass, replace
@@ -59,9 +61,7 @@ class Shape:
         mean = self.log_ratio.mean(axis=0)
         every = _alike(self.places, self.places) + NOISE**2 * np.eye(len(self.places))
         weights = np.linalg.solve(every, _alike(self.places, where[None])[:, 0])
-        return np.interp(
-            log_delta, np.log(self.delta), mean + weights @ (self.log_ratio - mean)
-        )
+        return np.interp(log_delta, np.log(self.delta), mean + weights @ (self.log_ratio - mean))
 
     def distance(self, Y, k):
         """Of a material from the nearest run, in logarithms."""
@@ -197,8 +197,8 @@ def _read(path):
     most = float(np.abs(rows[beside].to_numpy()).max(initial=0.0))
     if most > SIDES * both.max():
         raise InputError(
-            f"run {path} has {most:.3g} N on side walls and {both.max():.3g} N on platens, expected "
-            f"at most {SIDES:g} of it: move the side walls out"
+            f"run {path} has {most:.3g} N on side walls, expected at most {SIDES:g} of "
+            f"{both.max():.3g} N on the platens: move the side walls out"
         )
     force, R = both.mean(axis=1), 0.5 * np.cbrt(6 * mass / (np.pi * material.rho))
     x = (_touch(height, both.min(axis=1)) - height) / (2 * R)

@@ -17,13 +17,15 @@ from ..geometry.grains import load_grains
 from ..machine.files import write_atomically
 from ..materials.elastic import Elastic
 from ..materials.j2 import J2
+from ..output.checkpoint import file_checksum
 from ..planning.sweep.plan import Sweep
 from ..planning.sweep.runs import Runner, folder_of, is_finished
+from ..run.resume_check import file_of_grains
 from ..scene import Scene, load_scene, scene_to_toml
 from ..units import with_unit
 from . import ball
 from .data import TOUCHED, Size, within_table
-from .fit import MATERIAL, simplest
+from .fit import MATERIAL, WIDE, simplest
 from .own_mesh import as_grain, linear, place, shape_of_runs
 from .sentences import WORDS
 
@@ -33,7 +35,7 @@ FOLDER, SCENE = "grain", "scene.toml"
 MOST = 8
 #: Settled is what lies off a run by this part of half its interval.
 PART = 0.2
-#: Way of a run over that of the curves, and farthest step to a material without a run, in logarithms.
+#: Way of a run over that of the curves; farthest step to a material without a run, in logarithms.
 MARGIN, STEP = 1.1, 1.2
 #: Yield stress and slope of hardening of a run over its modulus, at least.
 LEAST = 1e-6
@@ -131,6 +133,8 @@ class Rounds:
             raise InputError("no curve of a pressed grain, expected one with --scene")
         self.data, self.options, self.folder = data, options, Path(folder)
         self.scene, self.say = options.grain.to(self._way()), say
+        mesh = file_checksum(file_of_grains(self.scene.sample.grains))
+        self.text = f"# grains: {mesh}\n{scene_to_toml(self.scene)}"
 
     def _way(self):
         """Approach of each contact over the radius that the curves reach."""
@@ -160,8 +164,8 @@ class Rounds:
         """
         if not self.folder.exists():
             return
-        kept, own = self.folder / SCENE, scene_to_toml(self.scene)
-        if kept.is_file() and kept.read_text(encoding="utf-8") == own:
+        kept = self.folder / SCENE
+        if kept.is_file() and kept.read_text(encoding="utf-8") == self.text:
             return
         if not overwrite:
             raise InputError(
@@ -178,15 +182,17 @@ class Rounds:
             Interrupted: A signal came.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(self.folder / SCENE, scene_to_toml(self.scene))
+        write_atomically(self.folder / SCENE, self.text)
         found = self._finished() or self._run([], _values(self.scene.material))
         while True:
             shape = shape_of_runs([folder_of(self.folder, name) for name in self._names(found)])
             setup = replace(self.options.setup, shape=shape)
             fit, _ = simplest(self._known(setup).curves, setup, self.options.given)
-            name, off = _farthest(fit, found)
-            material = tuple(fit.material[name] for name in MATERIAL)
-            told = ", ".join(with_unit(value, "Pa") for value in material)
+            told = ", ".join(with_unit(fit.material[name], "Pa") for name in MATERIAL)
+            E, Y, H = (fit.material[name] for name in MATERIAL)
+            # Walls of a run are rigid: its grain gives way as grain and platen do together.
+            material = setup.modulus(E) * (1 - setup.nu**2), Y, H
+            name, off = _farthest(fit, material, found)
             self.say(f"round {len(found)}: E, yield stress, hardening {told}; "
                      f"{off:.2g} of half an interval from a run")  # fmt: skip
             if off < PART:
@@ -196,7 +202,7 @@ class Rounds:
                     f"{MOST} runs, and {WORDS[name]} is still {off:.2g} of half its interval from "
                     f"that of any: expected {PART:g}."
                 )
-            found = self._run(found, _nearer(material, found, self.scene.material.nu))
+            found = self._run(found, _nearer(material, found, setup.nu))
 
     def _names(self, found):
         return Sweep(self.folder / SCENE, [{}] * len(found), None, None).names
@@ -211,12 +217,12 @@ class Rounds:
     def _run(self, found, material):
         """Run one more material; all materials of runs."""
         found = [*found, tuple(float(f"{value:.5g}") for value in material)]
-        rows = [{"material.E": f"{E!r}", "material.yield_stress": f"[[0.0, {Y!r}], [1.0, {Y + H!r}]]"}
-                for E, Y, H in found]  # fmt: skip
+        rows = [
+            {"material.E": repr(E), "material.yield_stress": f"[[0.0, {Y!r}], [1.0, {Y + H!r}]]"}
+            for E, Y, H in found
+        ]
         sweep = Sweep(self.folder / SCENE, rows, None, None)
-        runner = Runner(
-            sweep, self.folder, [None] * len(rows), self.options.ranks, self.say, GO_ON
-        )
+        runner = Runner(sweep, self.folder, [None] * len(rows), self.options.ranks, self.say, GO_ON)
         runner.run_all(1)
         for why in runner.failed.values():
             raise SolverError(f"run {sweep.names[-1]} in {self.folder / 'runs'} failed: {why}")
@@ -228,20 +234,20 @@ def _values(material):
     return (material.E, *(max(float(value), LEAST * material.E) for value in linear(material)))
 
 
-def _farthest(fit, found):
+def _farthest(fit, material, found):
     """The parameter that lies farthest from the nearest run, over half its interval."""
-    names = [name for name in fit.names if name in MATERIAL and name not in fit.held]
-    half = np.array([fit.half_width(name) for name in names])
-    at = [MATERIAL.index(name) for name in names]
-    own = np.log([fit.material[name] for name in names])
-    off = np.abs(np.log(np.array(found))[:, at] - own) / half
+    half = np.array([
+        fit.half_width(name) if name in fit.names and name not in fit.held else WIDE
+        for name in MATERIAL
+    ])  # fmt: skip
+    off = np.abs(np.log(found) - np.log(material)) / half
     nearest = off[np.argmin(off.max(axis=1))]
-    worst = int(np.argmax(nearest))
-    return names[worst], float(nearest[worst])
+    return MATERIAL[int(np.argmax(nearest))], float(nearest.max())
 
 
 def _nearer(material, found, nu):
     """The material, or one on the way to it from the nearest run where that is far."""
+
     def at(values):
         E, Y, H = values
         return place(Y * (1 - nu**2) / E, H / Y)

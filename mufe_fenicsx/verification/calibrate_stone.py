@@ -2,7 +2,7 @@
 
 import tempfile
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +37,7 @@ SCENE = """
 [sample]
 grains = "grains"
 [material]
+model = "j2"
 E = {E}
 nu = {nu}
 rho = 2650
@@ -96,10 +97,10 @@ def calibrate_stone(comm, seed=1, noise=0.03, points=1000, integrator="static", 
         folder = Path(place)
         save_grains(folder / "grains", Grains.from_list(np.array([1]), [stone(seed)], DIAMETER))
         for name, values in (("true", (E, YIELD, SLOPE)), ("guess", GUESS)):
-            (folder / f"{name}.toml").write_text(_scene(*values, integrator))
+            (folder / f"{name}.toml").write_text(scene_text(*values, integrator))
         scene = load_scene(folder / "true.toml")
         run_scene(scene, folder / "grains", folder / "true", comm, quiet=True)
-        _write_curve(folder / "curve.csv", Run(folder / "true").history, noise, points, seed)
+        write_curve(folder / "curve.csv", folder / "true", Curve(noise, points, seed))
         given = Given(compliance=COMPLIANCE if known else "common")
         grain = read_grain(folder / "guess.toml")
         options = Options(Setup(GLASS_NU), given, 2650.0, Size(*[DIAMETER] * 3), grain)
@@ -146,20 +147,38 @@ def stone(seed):
     return mesh.points, mesh.cells
 
 
-def _scene(E, Y, H, integrator):
+def scene_text(E, Y, H, integrator):
+    """A scene that presses one grain of a material [Pa], by "static" or "explicit"."""
     solver = SOLVERS[integrator].format(strain=STRAIN)
     return SCENE.format(E=E, nu=GLASS_NU, first=Y, last=Y + H, solver=solver)
 
 
-def _write_curve(path, history, noise, points, seed):
-    """The force of a run over what a soft machine with an offset would measure."""
+@dataclass(frozen=True)
+class Curve:
+    """What a machine adds to the force of a grain."""
+
+    noise: float  #: standard deviation of forces, over these
+    points: int
+    seed: int = 1
+    offset: float = OFFSET  #: [m]
+
+
+def write_curve(path, run, curve):
+    """Write the force of a run over what a soft machine with an offset measures. Local.
+
+    Args:
+        path: CSV file.
+        run: Folder of the run.
+        curve: :class:`Curve`.
+    """
+    history = Run(run).history
     height = history["height"].to_numpy()
     force = history[["force_z_min", "force_z_max"]].to_numpy()
     touch = height[np.flatnonzero(force.min(axis=1) > 0)[0]]
     way, first = np.unique(np.maximum.accumulate(touch - height), return_index=True)
-    x = np.linspace(0.0, way[-1], points + 1)[1:]
+    x = np.linspace(0.0, way[-1], curve.points + 1)[1:]
     F = np.interp(x, way, force.mean(axis=1)[first])
-    D = x + COMPLIANCE * F + OFFSET
-    F = F * (1 + noise * np.random.default_rng(seed).standard_normal(points))
+    D = x + COMPLIANCE * F + curve.offset
+    F = F * (1 + curve.noise * np.random.default_rng(curve.seed).standard_normal(curve.points))
     rows = "".join(f"{a:.9g}, {b:.9g}\n" for a, b in zip(D, F, strict=True))
-    path.write_text("displacement [m], force [N]\n" + rows)
+    Path(path).write_text("displacement [m], force [N]\n" + rows)

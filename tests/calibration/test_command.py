@@ -174,28 +174,17 @@ def test_unloading_is_left_out_and_said(tmp_path):
 
 
 def write_run(folder, factor, yield_stress=1e9):
-    """A run of a ball whose forces are those of the table times a function of the approach.
-
-    An elastic ball, without a yield stress, has those of Hertz.
-    """
+    """A run of a ball whose forces are those of the table times a function of the approach."""
     folder.mkdir()
-    text, x = SMALLEST, np.linspace(0.0, 0.02, 200)
-    table = "yield_stress = [[0.0, 10e6], [0.05, 110e6]]\n"
-    if yield_stress is None:
-        text = text.replace(table, 'model = "elastic"\n')
-    else:
-        own = f"[[0.0, {yield_stress:g}], [0.05, {yield_stress + 1e9:g}]]"
-        text = text.replace(table, f"yield_stress = {own}\n")
+    x = np.linspace(0.0, 0.02, 200)
+    own = f"[[0.0, {yield_stress:g}], [0.05, {yield_stress + 1e9:g}]]"
+    text = SMALLEST.replace("[[0.0, 10e6], [0.05, 110e6]]", own)
     (folder / "scene.toml").write_text(text)
     material = load_scene(folder / "scene.toml").material
     radius, height = 0.4e-3, 0.83e-3
-    if yield_stress is None:
-        stress, slope = [material.E], material.E
-        delta, force = x, 4 / 3 * material.E / (1 - material.nu**2) * x**1.5
-    else:
-        (strain, stress) = material.yield_table()
-        slope = (stress[-1] - stress[0]) / strain[-1]
-        delta, force, _ = Setup(material.nu).course(material.E, stress[0], slope)
+    strain, stress = material.yield_table()
+    slope = (stress[-1] - stress[0]) / strain[-1]
+    delta, force, _ = Setup(material.nu).course(material.E, stress[0], slope)
     rows = {
         "step": np.arange(200),
         "height": height - 2 * radius * x,
@@ -208,11 +197,11 @@ def write_run(folder, factor, yield_stress=1e9):
     (folder / "history.csv").write_text("\n".join(lines) + "\n")
     mass = material.rho * 4 / 3 * np.pi * radius**3
     (folder / "run.json").write_text(json.dumps({"num_grains": 1, "mass": mass}))
-    return stress[0] * (1 - material.nu**2) / material.E, slope / stress[0], material
+    return stress[0] * (1 - material.nu**2) / material.E, slope / stress[0]
 
 
 def test_runs_with_its_mesh_tell_the_shape_of_a_grain(tmp_path):
-    """ψ of each run at its material, between them a mean, from an edge per radius on."""
+    """ψ of each run at its material, between them a Gaussian process, from an edge a radius on."""
 
     def soft(x):
         return 1.3 * (1 + 0.1 * np.log10(0.01 / np.maximum(x, 1e-6)))
@@ -221,39 +210,12 @@ def test_runs_with_its_mesh_tell_the_shape_of_a_grain(tmp_path):
     shape = shape_of_runs([tmp_path / "soft"])
     assert shape.delta[0] == pytest.approx(0.0025, rel=0.05)  # (1/20)², to a row
     # 200 rows of a smooth function, means of an eighth of a decade.
-    assert shape.ratio(shape.delta, *own[:2]) == pytest.approx(soft(shape.delta), rel=0.01)
-    assert shape.distance(*own[:2]) == 0.0 and not shape.error(shape.delta, *own[:2]).any()
+    assert shape.ratio(shape.delta, *own) == pytest.approx(soft(shape.delta), rel=0.01)
+    assert shape.distance(*own) == 0.0 and not shape.error(shape.delta, *own).any()
 
     other = write_run(tmp_path / "hard", lambda x: 1.1 + 0 * x, 2e9)
     both = shape_of_runs([tmp_path / "soft", tmp_path / "hard"])
-    # Of two runs a factor of two apart 0.1² / 0.5 log²2 of the slope is given away.
-    assert both.ratio(0.02, *other[:2]) == pytest.approx(1.1, rel=0.01)
-    assert both.ratio(0.02, *own[:2]) == pytest.approx(soft(0.02), rel=0.01)
+    # A run may be off by NOISE, of which two a factor of two apart give little away.
+    assert both.ratio(0.02, *other) == pytest.approx(1.1, rel=0.01)
+    assert both.ratio(0.02, *own) == pytest.approx(soft(0.02), rel=0.01)
     assert both.distance(own[0] * 4, own[1]) > 0.5
-
-
-@pytest.mark.parametrize("yield_stress", [1e9, None])
-def test_a_run_s_own_forces_give_its_material_back(tmp_path, yield_stress):
-    """With 1 % of noise, and a machine that is known; without that it is refused."""
-
-    def shape(x):
-        return 1.2 * (1 - 0.1 * np.log10(x + 1e-3))
-
-    _, _, material = write_run(tmp_path / "run", shape, yield_stress)
-    rows = np.genfromtxt(tmp_path / "run" / "history.csv", delimiter=",", names=True)[1:]
-    force = rows["force_z_min"] * (1 + 0.01 * np.random.default_rng(0).standard_normal(199))
-    text = "".join(
-        f"{0.83e-3 - h:.8g}, {f:.8g}\n" for h, f in zip(rows["height"], force, strict=True)
-    )
-    (tmp_path / "data.csv").write_text("displacement [m], force [N]\n" + text)
-    given = f"--diameter 0.8mm --nu {material.nu} --platen rigid".split()
-    given = [tmp_path / "data.csv", *given, "--run", tmp_path / "run", "-o", tmp_path / "out"]
-    status, lines = run_mufe("calibrate", *given)
-    assert status == 2 and "expected with --run that of the machine" in lines[0]
-    run_mufe("calibrate", *given, "--compliance", "0 m/N", "--json", tmp_path / "found.json")
-    written = json.loads((tmp_path / "found.json").read_text())
-    found = {row["name"]: row for row in written["parameters"]}
-    sought = {"Young's modulus": material.E} | ({"yield stress": 1e9} if yield_stress else {})
-    for name, true in sought.items():
-        assert found[name]["low"] < true < found[name]["high"]
-    assert ("yield stress" in found) == (yield_stress is not None)
