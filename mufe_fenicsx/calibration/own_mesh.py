@@ -26,8 +26,8 @@ from . import ball
 from .data import LEAST, Size
 from .model import Setup
 
-#: Approaches of ψ, how many finer ones make the mean at each, and rows of a run at least.
-POINTS, FINER, ROWS = 32, 4, 12
+#: Approaches of ψ, and rows of a run at least.
+POINTS, ROWS = 64, 12
 #: Columns of platens; force over that of a later row from which on it did not stay.
 PLATENS, LOST = ("force_z_min", "force_z_max"), 2.0
 #: Force on side walls over that on platens from which on a grain is not pressed alone.
@@ -38,7 +38,7 @@ RESOLVED = 1.0
 #: which materials that are a factor e apart may differ.
 PART = 1 / 3
 #: Logarithms over which log ψ may bend, and the scatter of a run's own.
-BEND, NOISE = 2.0, 0.005
+BEND, NOISE = 2.0, 0.002
 #: Logarithms of materials that are farther want another run, and from which on no error is known.
 FAR, SPOILT = 0.4, 1.0
 
@@ -163,10 +163,7 @@ def shape_of_runs(paths):
         Y, H = linear(material)
         delta, own, _ = Setup(nu).course(material.E, Y, H)
         ratio = np.log(stress / np.interp(x, delta, own))
-        finer = np.geomspace(first, last, POINTS * FINER)
-        found = np.interp(np.log(finer), np.log(x), ratio).reshape(POINTS, FINER)
-        ratios.append(np.interp(np.log(at), np.log(finer).reshape(POINTS, FINER).mean(axis=1),
-                                found.mean(axis=1)))  # fmt: skip
+        ratios.append(np.interp(np.log(at), np.log(x), ratio))
         places.append(place(Y / Setup(nu).modulus(material.E), H / Y))
     least = max(float(np.interp(first, x, stress)) for _, x, stress in runs)
     return Shape(at, np.array(ratios), np.array(places), least, nu)

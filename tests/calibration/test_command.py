@@ -209,7 +209,7 @@ def test_runs_with_its_mesh_tell_the_shape_of_a_grain(tmp_path):
     own = write_run(tmp_path / "soft", soft)
     shape = shape_of_runs([tmp_path / "soft"])
     assert shape.delta[0] == pytest.approx(0.0025, rel=0.05)  # (1/20)², to a row
-    # 200 rows of a smooth function, means of an eighth of a decade.
+    # 200 rows of a smooth function.
     assert shape.ratio(shape.delta, *own) == pytest.approx(soft(shape.delta), rel=0.01)
     assert shape.distance(*own) == 0.0 and not shape.error(shape.delta, *own).any()
 
