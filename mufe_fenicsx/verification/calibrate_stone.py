@@ -81,7 +81,7 @@ z = {{ strain = {strain} }}
 
 
 @case("calibrate-stone", num_bodies=1)
-def calibrate_stone(comm, seed=2, noise=0.03, points=1000, integrator="static", known=True):
+def calibrate_stone(comm, seed=2, noise=0.03, points=4000, integrator="static", known=True):
     """A stone is pressed in a run; noise, an offset and a soft machine make it a measured curve.
 
     From another material the rounds of `mufe calibrate --scene` have to find that of the run.
