@@ -109,7 +109,7 @@ def calibrate_stone(comm, seed=2, noise=0.03, points=4000, integrator="static", 
         found = calibrate([folder / "curve.csv"], options, folder / "found")
         wall = time.perf_counter() - start
         rounds = len(list((folder / "found" / "grain" / "runs").iterdir()))
-    rows = {row["name"]: row["value"] for row in found["parameters"]}
+    rows = {row["name"]: row["value"] or np.nan for row in found["parameters"]}  # None: not told
     name = next(name for name in rows if name.startswith("yield stress at"))
     last = YIELD + SLOPE * float(name.split()[-1])
     results = {

@@ -173,7 +173,7 @@ def test_unloading_is_left_out_and_said(tmp_path):
     assert "2 rows after the largest displacement" in data.notes[0]
 
 
-def write_run(folder, factor, yield_stress=1e9):
+def write_run(folder, factor, yield_stress=1e9, beside=0.0):
     """A run of a ball whose forces are those of the table times a function of the approach."""
     folder.mkdir()
     x = np.linspace(0.0, 0.02, 200)
@@ -192,6 +192,7 @@ def write_run(folder, factor, yield_stress=1e9):
         "elements_per_radius": 20 * np.sqrt(x),
     }
     rows["force_z_max"] = rows["force_z_min"]
+    rows["force_x_max"] = beside * rows["force_z_max"]
     table = zip(*rows.values(), strict=True)
     lines = [",".join(rows), *(",".join(f"{v:.9g}" for v in row) for row in table)]
     (folder / "history.csv").write_text("\n".join(lines) + "\n")
@@ -219,3 +220,7 @@ def test_runs_with_its_mesh_tell_the_shape_of_a_grain(tmp_path):
     assert both.ratio(0.02, *other) == pytest.approx(1.1, rel=0.01)
     assert both.ratio(0.02, *own) == pytest.approx(soft(0.02), rel=0.01)
     assert both.distance(own[0] * 4, own[1]) > 0.5
+
+    write_run(tmp_path / "held", soft, beside=0.05)
+    with pytest.raises(InputError, match="on side walls, expected at most 0.01 of"):
+        shape_of_runs([tmp_path / "held"])

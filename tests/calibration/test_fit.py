@@ -103,6 +103,21 @@ def test_what_one_curve_does_not_determine_is_said():
     assert held.value("hardening") == pytest.approx(1e9, rel=0.1)  # 200 points of 3 %
 
 
+def test_another_hardening_that_fits_as_well_is_in_the_intervals():
+    """Of one curve the best fit has none, and its yield stress alone would miss the true one."""
+    H = 10e9
+    curves = made_curves(SETUP.course(E, YIELD, H), SETUP, 1, 0.03, 11)
+    given = Given(compliance=COMPLIANCE)
+    assert fit_curves(curves, SETUP, given).interval("yield")[0] > YIELD
+    fit, _ = fit_simplest(curves, SETUP, given)
+    assert fit.held == ["hardening"]
+    strain, _, ends = sentences.end_of_table(fit)
+    for (low, high), true in (
+        (fit.interval("yield"), YIELD), (fit.interval("hardening"), H), (ends, YIELD + H * strain)
+    ):  # fmt: skip
+        assert low < true < high
+
+
 def power_law(E, first, exponent, ends=0.002):
     """Approaches and stresses of balls with σ = Y (1 + ε/ε₀)ⁿ, by Tabor's strain, 0.2 a/R."""
     delta = np.geomspace(1e-7, 0.037, 60)
