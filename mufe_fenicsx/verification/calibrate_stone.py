@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pyvista
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial import ConvexHull
 
@@ -81,7 +82,9 @@ z = {{ strain = {strain} }}
 
 
 @case("calibrate-stone", num_bodies=1)
-def calibrate_stone(comm, seed=2, noise=0.03, points=4000, integrator="static", known=True):
+def calibrate_stone(
+    comm, seed=2, surface="", noise=0.03, points=4000, integrator="static", known=True
+):
     """A stone is pressed in a run; noise, an offset and a soft machine make it a measured curve.
 
     From another material the rounds of `mufe calibrate --scene` have to find that of the run.
@@ -89,6 +92,7 @@ def calibrate_stone(comm, seed=2, noise=0.03, points=4000, integrator="static", 
     Args:
         comm: MPI communicator.
         seed: Of the stone and of the noise.
+        surface: File of a closed surface that is the stone instead.
         noise: Standard deviation of forces, over these.
         points: Of the curve.
         integrator: "static" or "explicit", of all runs.
@@ -96,7 +100,9 @@ def calibrate_stone(comm, seed=2, noise=0.03, points=4000, integrator="static", 
     """
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        save_grains(folder / "grains", Grains.from_list(np.array([1]), [stone(seed)], DIAMETER))
+        save_grains(
+            folder / "grains", Grains.from_list(np.array([1]), [stone(seed, surface)], DIAMETER)
+        )
         for name, values in (("true", (E, YIELD, SLOPE)), ("guess", GUESS)):
             (folder / f"{name}.toml").write_text(scene_text(*values, integrator))
         scene = load_scene(folder / "true.toml")
@@ -122,15 +128,21 @@ def calibrate_stone(comm, seed=2, noise=0.03, points=4000, integrator="static", 
     return results, []
 
 
-def stone(seed):
-    """A stone of the formula, flat side down: points [m] and cells. Local.
+def stone(seed, surface=""):
+    """A stone of the formula or of a file, flat side down: points [m] and cells. Local.
 
     Its mesh is fine where it is near to one of the planes above and below it.
     """
-    rng = np.random.default_rng(seed)
-    shape = make_grains(rng, [DIAMETER], FORM[:1], FORM[1:], ROUGHNESS, 1.5, 8)
-    directions, triangles = icosphere(5)
-    points = shape.surface(directions)[0]
+    if surface:
+        smooth = pyvista.read(surface).triangulate().subdivide(2, "loop")
+        points = np.asarray(smooth.points, dtype=float)
+        points *= DIAMETER / np.cbrt(6 / np.pi * smooth.volume)
+        triangles = smooth.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
+    else:
+        rng = np.random.default_rng(seed)
+        shape = make_grains(rng, [DIAMETER], FORM[:1], FORM[1:], ROUGHNESS, 1.5, 8)
+        directions, triangles = icosphere(5)
+        points = shape.surface(directions)[0]
     sides = ConvexHull(points).equations[:, :3]
     height = np.ptp(points @ sides.T, axis=0)
     down = -sides[int(np.argmin(height))]
