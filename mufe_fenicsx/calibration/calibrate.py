@@ -36,7 +36,6 @@ class Options:
     density: float  #: [kg/m³]
     size: object = None  #: :class:`~.data.Size` of grains whose table has none
     grain: object = None  #: :class:`~.rounds.Grain` whose mesh is run; None: a ball
-    ranks: int = 1  #: of each run
 
 
 def calibrate(paths, options, output, overwrite=False, progress=None, say=print):

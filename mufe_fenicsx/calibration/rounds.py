@@ -222,7 +222,7 @@ class Rounds:
             for E, Y, H in found
         ]
         sweep = Sweep(self.folder / SCENE, rows, None, None)
-        runner = Runner(sweep, self.folder, [None] * len(rows), self.options.ranks, self.say, GO_ON)
+        runner = Runner(sweep, self.folder, [None] * len(rows), 1, self.say, GO_ON)  # one grain
         runner.run_all(1)
         for why in runner.failed.values():
             raise SolverError(f"run {sweep.names[-1]} in {self.folder / 'runs'} failed: {why}")

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
-from ..machine.mpi_launcher import find_mpirun
 from ..units import to_si, with_unit
 from .app import Json, Overwrite, app, serial_only
 from .arguments import lengths, number_or_text
@@ -70,7 +69,6 @@ def calibrate(
             "run with what is found, in turns, and stands for the ball.",
         ),
     ] = None,
-    ranks: Annotated[int, typer.Option(min=1, help="Of each run of the scene.")] = 1,
     overwrite: Overwrite = False,
     json: Json = None,
 ):
@@ -98,13 +96,11 @@ def calibrate(
     grain, size = None, _size(diameter)
     density = _usual("--density", density, "kg/m^3")
     if scene is not None:
-        if ranks > 1 and find_mpirun() is None:
-            raise InputError(f"--ranks {ranks}, expected mpirun beside Python or on PATH")
         grain = _grain(read_grain(scene), compliance, test, nu, density)
         nu, density = grain.scene.material.nu, grain.scene.material.rho
         size = size or grain.size
     setup = Setup(0.2 if nu is None else nu, test, _platen(platen))
-    options = Options(setup, given, density or DENSITY, size, grain, ranks)
+    options = Options(setup, given, density or DENSITY, size, grain)
     with progress_bar("calibrating") as progress:
         result = fit_all(data, options, output, overwrite, progress, printer.say)
     _print(printer, result)
