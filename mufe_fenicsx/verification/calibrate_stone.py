@@ -4,6 +4,7 @@ import tempfile
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pyvista
@@ -83,8 +84,9 @@ z = {{ strain = {strain} }}
 
 @case("calibrate-stone", num_bodies=1)
 def calibrate_stone(
-    comm, seed=2, surface="", noise=0.03, points=4000, integrator="static", known=True
-):
+    comm, seed=2, surface="", noise=0.03, points=4000,
+    integrator: Literal["static", "explicit"] = "static", known: Literal["yes", "no"] = "yes",
+):  # fmt: skip
     """A stone is pressed in a run; noise, an offset and a soft machine make it a measured curve.
 
     From another material the rounds of `mufe calibrate --scene` have to find that of the run.
@@ -95,7 +97,7 @@ def calibrate_stone(
         surface: File of a closed surface that is the stone instead.
         noise: Standard deviation of forces, over these.
         points: Of the curve.
-        integrator: "static" or "explicit", of all runs.
+        integrator: Of all runs.
         known: Whether the compliance of the machine is.
     """
     with tempfile.TemporaryDirectory() as place:
@@ -108,7 +110,7 @@ def calibrate_stone(
         scene = load_scene(folder / "true.toml")
         run_scene(scene, folder / "grains", folder / "true", comm, quiet=True)
         write_curve(folder / "curve.csv", folder / "true", Curve(noise, points, seed))
-        given = Given(compliance=COMPLIANCE if known else "common")
+        given = Given(compliance=COMPLIANCE if known == "yes" else "common")
         grain = read_grain(folder / "guess.toml")
         options = Options(Setup(GLASS_NU), given, 2650.0, Size(*[DIAMETER] * 3), grain)
         start = time.perf_counter()

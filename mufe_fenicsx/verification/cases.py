@@ -189,7 +189,8 @@ def chosen_cases(names, parameters):
         default, choices = everything[key]
         if choices and value not in choices:
             raise InputError(f"parameter {key} = {value}, expected {_nearest(str(value), choices)}")
-        values[key] = value if choices else _number(key, value, type(default))
+        text = choices or isinstance(default, str)
+        values[key] = value if text else _number(key, value, type(default))
     return [
         (name, functools.partial(
             cases[name], **{key: value for key, value in values.items() if key in known[name]}
