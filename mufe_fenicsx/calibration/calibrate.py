@@ -61,7 +61,7 @@ def calibrate(paths, options, output, overwrite=False, progress=None, say=print)
     """
     data = read_data(paths, options.size)
     runs, notes = Path(output) / rounds.FOLDER, data.notes[:]
-    begun = options.grain is not None and runs.exists() and not (runs.parent / TABLE).exists()
+    begun = options.grain is not None and rounds.begun(runs)
     marker = rounds.FOLDER if begun else TABLE
     with new_folder(output, overwrite=overwrite or begun, marker=marker) as folder:
         within = _within_model(data, options)

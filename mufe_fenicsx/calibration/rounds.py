@@ -48,7 +48,6 @@ class Grain:
     """A scene that presses one grain between platens, and the size of its mesh."""
 
     scene: Scene
-    source: Path  #: file of the scene
     diameter: float  #: of the ball of the same volume [m]
     height: float  #: [m]
 
@@ -104,7 +103,7 @@ def read_grain(path):
     if len(grains.labels) != 1:
         raise InputError(f"{path}: {len(grains.labels)} grains, expected one between platens")
     diameter = float(np.cbrt(6 / np.pi * grains.volumes.sum()))
-    return Grain(scene, path, diameter, float(np.ptp(grains.points[:, 2])))
+    return Grain(scene, diameter, float(np.ptp(grains.points[:, 2])))
 
 
 def _press_stage(stages):
@@ -113,6 +112,12 @@ def _press_stage(stages):
     pressing = (i for i, stage in enumerate(stages[first:], first)
                 if stage.z is not None and (stage.z.strain or 0.0) > 0.0)  # fmt: skip
     return next(pressing, None)
+
+
+def begun(folder):
+    """Whether a folder of runs is there, with nothing beside it. Local."""
+    folder = Path(folder)
+    return (folder / SCENE).is_file() and len(list(folder.parent.iterdir())) == 1
 
 
 class Rounds:

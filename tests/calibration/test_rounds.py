@@ -123,6 +123,10 @@ def test_runs_of_another_scene_are_refused(tmp_path):
         calibrate([tmp_path / "curve.csv"], options, tmp_path / "out")
     assert not (tmp_path / "out" / "parameters.csv").exists()
 
+    (tmp_path / "out" / "notes.txt").write_text("not of a calibration\n")
+    with pytest.raises(InputError, match="is not empty"):
+        calibrate([tmp_path / "curve.csv"], options, tmp_path / "out")
+
 
 def test_noise_of_dense_curves_is_no_fall(tmp_path):
     """A thousand rows of 3 %; a force that drops by a quarter is one."""
