@@ -96,7 +96,7 @@ def calibrate(
     grain, size = None, _size(diameter)
     density = _usual("--density", density, "kg/m^3")
     if scene is not None:
-        grain = _grain(read_grain(scene), compliance, test, nu, density)
+        grain = _grain(read_grain(scene), test, nu, density)
         nu, density = grain.scene.material.nu, grain.scene.material.rho
         size = size or grain.size
     setup = Setup(0.2 if nu is None else nu, test, _platen(platen))
@@ -107,7 +107,7 @@ def calibrate(
     printer.write_json(result)
 
 
-def _grain(grain, compliance, test, nu, density):
+def _grain(grain, test, nu, density):
     """The grain of a scene, with which the other options agree."""
     material = grain.scene.material
     for name, value, wanted in (
@@ -115,11 +115,6 @@ def _grain(grain, compliance, test, nu, density):
     ):  # fmt: skip
         if value is not None and value != wanted:
             raise InputError(f"{name} {value}, expected with --scene {wanted}")
-    if compliance in ("common", "each"):
-        raise InputError(
-            f"--compliance {compliance}, expected with --scene that of the machine as it was "
-            'measured, such as "0.05 um/N"'
-        )
     return grain
 
 

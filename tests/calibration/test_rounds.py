@@ -86,7 +86,6 @@ def test_the_material_of_a_run_comes_back_from_its_curve(tmp_path):
         ("two grains", "", "2 grains, expected one between platens"),
         ("--nu", "0.3", "--nu 0.3, expected with --scene 0.2"),
         ("--test", "grains", "--test grains, expected with --scene platens"),
-        ("--compliance", "common", "expected with --scene that of the machine as it was measured"),
     ],
 )
 def test_scenes_that_press_no_single_grain_are_refused(tmp_path, old, new, said):
@@ -99,8 +98,7 @@ def test_scenes_that_press_no_single_grain_are_refused(tmp_path, old, new, said)
     (tmp_path / "curve.csv").write_text(
         "displacement [um], force [N]\n" + "".join(f"{x}, {x}\n" for x in range(1, 11))
     )
-    more = ["--compliance", "0.05 um/N"] * (old != "--compliance")
-    more += [old, new] * old.startswith("--")
+    more = [old, new] * old.startswith("--")
     status, lines = run_mufe(
         "calibrate", tmp_path / "curve.csv", "--scene", tmp_path / "scene.toml",
         "-o", tmp_path / "out", *more,
