@@ -50,16 +50,19 @@ class Fracture:
                 f"reference_volume = {self.reference_volume:g}, expected none without modulus"
             )
 
-    def zone(self, E: float) -> float:
-        """Length of the cohesive zone in a material of Young's modulus E [m]: E G_c/σ²."""
-        return E * self.energy / self.strength**2
+    def zone(self, E, strength=None):
+        """Length of the cohesive zone in a material of Young's modulus E [m]: E G_c/σ².
+
+        ``strength``: σ [Pa]; None: that of the table.
+        """
+        return E * self.energy / (self.strength if strength is None else strength) ** 2
 
     def strengths(self, names: np.ndarray, volume: np.ndarray, edge, E) -> np.ndarray:
         """Strengths of facets [Pa], shape (num_facets,).
 
         By Weibull's law what has the volume V fails below s with the probability
         1 - exp(-V/V₀ (s/σ)^m). They hang on the seed and the names alone. Where the mesh is
-        lowered for, none exceeds √(E G_c/(3 h)) (Z. P. Bažant, B. H. Oh, Mater. Struct. 16, 1983).
+        lowered for, none exceeds √(E G_c/(5 h)) (Z. P. Bažant, B. H. Oh, Mater. Struct. 16, 1983).
 
         Args:
             names: Whole numbers that name the facets, or their grains alike, (num_facets, n).

@@ -1,5 +1,7 @@
 """Grains that break: the law of a facet, which facets open, and what follows from it."""
 
+import re
+
 import numpy as np
 import pytest
 import scipy.stats
@@ -297,6 +299,25 @@ def test_strengths_may_scatter_by_grain():
         name = np.array([[mesh.labels[mesh.grains[grain]]]])
         expected = law.strengths(name, np.array([volume]), 1.0, 1e9)
         assert found == pytest.approx(np.full(found.size, expected[0]), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("volume", "lower", "line"),
+    [
+        (1.0, False, None),
+        (32.0, False, "or lower_strength"),
+        (32.0, True, r"leaves \d\d% of strengths"),
+    ],
+)
+def test_meshes_are_coarse_for_strengths_that_are_drawn(volume, lower, line):
+    """A zone of ten edges is long enough, not for facets that are twice as strong, 32^(1/5)."""
+    facet = pulled()[1].facets.volume.mean()
+    law = Fracture(
+        SIGMA, 10.0 * 0.25e-3 * SIGMA**2 / 1e9, modulus=5.0, reference_volume=volume * facet,
+        lower_strength=lower,
+    )  # fmt: skip
+    found = pulled(law=law)[1].coarse_line()
+    assert found is None if line is None else re.search(line, found)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Grains that break: facets between cells open, soften, and rub where they are pressed."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -105,15 +106,19 @@ class Cracks(ForceTerm):
 
     # --- which facets are open ------------------------------------------------------------
 
-    def drawn(self):
-        """Strengths of all facets while they are whole [Pa], shape (num_facets,). Local."""
+    def drawn(self, lowered=True):
+        """Strengths of all facets while they are whole [Pa], shape (num_facets,). Local.
+
+        ``lowered``: as lower_strength asks for.
+        """
         facets, mesh = self.facets, self.mesh
         label = mesh.labels[mesh.grains][facets.grain]
         names, volume = np.column_stack([label, facets.name]), facets.volume
         if self.fracture.scatter == "grain":
             names = names[:, :1]
             volume = np.add.reduceat(self._solid.volume0, mesh.cell_offset[:-1])[facets.grain]
-        return self.fracture.strengths(names, volume, facets.height, self._E)
+        law = self.fracture if lowered else replace(self.fracture, lower_strength=False)
+        return law.strengths(names, volume, facets.height, self._E)
 
     def _open(self, rows):
         """Take facets into the list of open ones. Local."""
@@ -200,17 +205,25 @@ class Cracks(ForceTerm):
         return np.einsum("nij,nj->ni", whole, normal), normal
 
     def coarse_line(self):
-        """A line where the cohesive zone has too few facets of the mesh, or None. Collective."""
-        facets, wanted = self.facets, self.fracture.zone(self._E.min(initial=np.inf)) / IN_ZONE
-        own = np.array([np.sqrt(4.0 / np.sqrt(3.0) * facets.area).sum(), facets.area.size])
-        total, wanted = self.mesh.comm.allreduce(own), self.mesh.comm.allreduce(wanted, op=MPI.MIN)
-        edge = total[0] / max(total[1], 1.0)
-        if edge <= wanted or self.fracture.lower_strength:
+        """A line where the cohesive zone has too few facets of the mesh, or None. Collective.
+
+        Of strengths that scatter it is that of their geometric mean.
+        """
+        facets, drawn = self.facets, self.drawn(lowered=False)
+        edges, zones = np.sqrt(4.0 / np.sqrt(3.0) * facets.area), self.fracture.zone(self._E, drawn)
+        own = edges, np.log(zones), np.log(self.drawn() / drawn), np.ones(drawn.size)
+        total = self.mesh.comm.allreduce(np.array([values.sum() for values in own]))
+        edge, zone, left, _ = total / max(total[-1], 1.0)
+        wanted = float(np.exp(zone)) / IN_ZONE
+        if edge <= wanted:
             return None
+        lowered = self.fracture.lower_strength
+        what = (f"lower_strength leaves {np.exp(left):.0%} of strengths in the mean" if lowered
+                else "cracks take more than their energy")  # fmt: skip
         return (
-            f"cracks take more than their energy: edges of the mesh = {with_unit(edge, 'm')}, a "
-            "fifth of the cohesive zone E·energy/strength² of [fracture] is "
-            f"{with_unit(wanted, 'm')}; mesh finer, or lower_strength = true"
+            f"{what}: edges of the mesh = {with_unit(edge, 'm')}, a fifth of the cohesive zone "
+            f"E·energy/strength² of the strengths drawn is {with_unit(wanted, 'm')}; mesh finer"
+            f"{'' if lowered else ', or lower_strength = true'}"
         )
 
     # --- forces ---------------------------------------------------------------------------
