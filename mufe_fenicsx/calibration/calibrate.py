@@ -178,11 +178,11 @@ def _crushed(folder, data, result):
         )
     else:
         result["notes"].append("Sizes are alike or few: no effect of size is sought.")
-    result["material"] += _fracture_block(found, size)
+    result["material"] += _fracture_block(found)
     draw_survival(folder / "survival.png", found)
 
 
-def _fracture_block(found, size):
+def _fracture_block(found):
     """The table [fracture] of a scene, as TOML: what forces of grains do not tell lacks.
 
     Facets' strength over grains' was seen on one mesh: a comment.
@@ -190,11 +190,13 @@ def _fracture_block(found, size):
     told = "# strength and modulus: state them; the data do not tell them."
     if all(map(sentences.determined, (found.modulus_interval, found.strength_interval))):
         facets, modulus = with_unit(found.strength / CRUSHING, "Pa"), POWER * found.modulus
+        volume = np.pi / 6 * found.size**3 * 1e9
         told = (
-            "# strength and modulus are those of facets. Those of grains do not tell them: F/d^2 = "
-            f"{with_unit(found.strength, 'Pa')}\n# at {size}, Weibull {found.modulus:.2g}.\n"
-            f'# Begin with strength = "{facets}" and modulus = {modulus:.2g}, as on the mesh of\n'
-            "# `mufe new crushing`; crush such a grain on yours, and scale them."
+            f"# Grains: F/d^2 = {with_unit(found.strength, 'Pa')} at {with_unit(found.size, 'm')}, "
+            f"Weibull {found.modulus:.2g}. Facets, as on the mesh of\n"
+            "# `mufe new crushing`: crush one on yours, scale the strength, and take these:\n"
+            f'# strength = "{facets}"\n# modulus = {modulus:.2g}\n'
+            f'# reference_volume = "{volume:.3g} mm^3"'
         )
     return f"""
 [fracture]

@@ -67,7 +67,7 @@ def test_what_is_written(tmp_path):
     assert block["contact"]["friction"] == pytest.approx(0.25, abs=0.01)
     assert block["fracture"] == {"scatter": "grain"}  # what grains bear is not what facets do
     text = (tmp_path / "out" / "material.toml").read_text()
-    assert "# energy: state it; the data do not tell it." in text and "# Begin with stren" in text
+    assert "# energy: state it; the data do not tell it." in text and "# reference_volume" in text
     names = [row["name"] for row in result["parameters"]]
     assert "Weibull modulus" in names and "friction" in names
     rows = (tmp_path / "out" / "parameters.csv").read_text().splitlines()
@@ -118,7 +118,7 @@ def test_an_interval_of_more_than_a_factor_of_ten_states_nothing(tmp_path, capsy
         rows = (tmp_path / "out" / "parameters.csv").read_text().splitlines()
         assert (found["parameters"][1]["value"] is None) == wide
         assert "strength F/d²" in rows[2] and rows[2].endswith(",,,,Pa") == wide
-        assert ("# Begin with strength" in found["material"]) != wide
+        assert ("# reference_volume = " in found["material"]) != wide
         _print(Printer(None), found)
         assert ("not determined" in capsys.readouterr().out) == wide
 
