@@ -1,0 +1,270 @@
+"""Does packed sand follow the shapes of laboratory curves? Nothing is fitted.
+
+Angular grains of quartz are packed with little, some and much friction: dense, medium and loose.
+Each sample is compressed in an oedometer, from two isotropic stresses, and sheared at a constant
+side stress. Beside it stand numbers of Karlsruhe fine sand. Orders, ratios and powers may be
+compared, not values: shapes of its grains are not known, and a box of some tens of grains is small.
+
+Grains are rigid, since nothing asks for stress inside them. Their contacts have the stiffness
+of Hertz's law at one size; in the triaxial test they are softer, for longer time steps.
+
+    python demos/sand.py FOLDER --figure sand.png           half an hour of a processor
+    python demos/sand.py FOLDER --seed 1 2 3                more packings of each density
+
+The same command goes on where it was stopped, and FOLDER/sand.csv has a row a test.
+"""
+
+import argparse
+import csv
+import itertools
+import subprocess
+import sys
+from pathlib import Path
+
+import mufe_fenicsx as mufe  # first: one BLAS thread, the wheel's MPI
+
+# isort: split
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+#: Karlsruhe fine sand, numbers from Wichtmann & Triantafyllidis, Acta Geotechnica 11, 2016,
+#: 739-761. Void ratio at the start, at 100 and at 407 kPa, and modulus from 200 to 400 kPa [MPa].
+OEDOMETER = np.array([
+    [1.039, 0.982, 0.960, 36.0],
+    [0.908, 0.882, 0.869, 55.0],
+    [0.833, 0.813, 0.802, 62.0],
+    [0.722, 0.708, 0.703, 113.0],
+])  # fmt: skip
+#: Drained at 100 kPa: void ratio, peak of q/p, strain there, volumetric strain at the end.
+TRIAXIAL = np.array([[1.0, 1.36, 0.22, 0.004], [0.86, 1.52, 0.14, -0.047], [0.71, 1.73, 0.059, -0.1]])
+
+SCENE = """
+title = "Sand, {test}"
+[sample]
+grains = "grains"
+[material]
+model = "{model}"
+E = "95 GPa"
+nu = 0.08
+rho = "2650 kg/m^3"
+{more}
+[contact]
+friction = {friction}
+wall_friction = 0.0
+[solver]
+damping = "200 ms^-1"
+[loading]
+speed = "{speed} m/s"
+ramp = 0.0005
+tolerance = 0.03
+largest_strain = 0.4
+[output]
+fields = 3
+history = 1000
+[[stage]]
+name = "isotropic"
+zero = true
+xyz = {{ stress = "{stress} MPa", speed = "0.3 m/s" }}
+[[stage]]
+name = "test"
+{last}
+"""
+COMPRESSION = """xy = {{ strain = 0.0 }}
+z = {{ speed = "{speed} m/s" }}
+until = {{ stress_z = "{largest} MPa", strain_z = 0.2 }}"""
+SHEAR = "z = {{ strain = {strain} }}"
+
+#: Stresses whose modulus and K0 are told [Pa]. A modulus is the slope over a factor of two.
+TOLD = (0.28e6, 1e6, 2.8e6)
+
+
+def call(*words):
+    """A command of the program, which ends this one where it fails."""
+    done = subprocess.run([sys.executable, "-m", "mufe_fenicsx", *map(str, words)])
+    if done.returncode:  # it has said why, in a line
+        sys.exit(done.returncode)
+
+
+def pack(folder, friction, seed, fine, given):
+    """Pack and mesh grains, fine at contacts if it is wanted, unless it is done."""
+    if not (folder / "grains").is_dir():
+        size = ["--contact-size", f"{140 / given.edges_at_contacts} um"] if fine else []
+        call("pack", "--count", given.count, "--d50", "140 um", "--uniformity", 1.5,
+             "--friction", friction, "--seed", seed, "--element-size", f"{140 / given.edges} um",
+             *size, "-o", folder, "--overwrite")  # fmt: skip
+
+
+def test(folder, name, stress, given):
+    """Run a test from an isotropic stress [MPa], or go on with it; returns its second stage."""
+    shear = name == "triaxial"
+    speed = given.shear_speed if shear else given.speed
+    size = given.soft_contact if shear else given.contact
+    more = f"contact_radius = {size}" if given.model == "rigid" else "[mass_scaling]\nadded = 0.2"
+    last = (SHEAR if shear else COMPRESSION).format(
+        speed=speed, largest=given.largest, strain=given.strain
+    )
+    text = SCENE.format(
+        test=name, model=given.model, more=more, friction=given.friction, speed=speed,
+        stress=stress, last=last,
+    )  # fmt: skip
+    name = f"{name}-{stress:g}-MPa"
+    scene, run = folder / f"{name}.toml", folder / name
+    scene.write_text(text, encoding="utf-8")
+    if not (run.is_dir() and mufe.open_run(run).finished):
+        call("run", scene, "-o", run, *(["--resume"] if (run / "checkpoints").is_dir() else []))
+    history = mufe.open_run(run).history
+    return history[history["stage"] == "test"]
+
+
+def moduli(strain, stress):
+    """Stresses [Pa], and slopes of the curve over a factor of two around each [Pa]."""
+    at = np.geomspace(1.45 * stress[0], stress[-1] / 1.45, 24)
+    slopes = np.full(len(at), np.nan)
+    for i, middle in enumerate(at):
+        near = (stress > middle / 2**0.5) & (stress < middle * 2**0.5)
+        if near.sum() > 2:
+            slopes[i] = np.polyfit(strain[near], stress[near], 1)[0]
+    return at, slopes
+
+
+def of_compression(history):
+    """Numbers of an oedometer test, by name, and its curves."""
+    strain, stress, void_ratio, x, y = (
+        history[n].to_numpy() for n in ("strain_z", "stress_z", "void_ratio", "stress_x", "stress_y")
+    )
+    at, slopes = moduli(strain, stress)
+    told = np.isfinite(slopes) & (slopes > 0)
+    power = np.polyfit(np.log(at[told]), np.log(slopes[told]), 1)[0]
+    k0 = (x + y) / 2 / stress
+    numbers = {"void_ratio": void_ratio[0], "power": power}
+    for level in TOLD:
+        near = (stress > level / 2**0.5) & (stress < level * 2**0.5)
+        name = f"{level / 1e6:g}_MPa"
+        numbers[f"modulus_{name}"] = np.interp(level, at[told], slopes[told]) / 1e6
+        numbers[f"k0_{name}"] = k0[near].mean() if near.any() else np.nan
+    return numbers, {"stress": stress, "e": void_ratio, "k0": k0, "at": at, "slopes": slopes}
+
+
+def means(strain, values, width):
+    """Of values over a width of strain, on an even grid; some tens of grains bear unevenly."""
+    grid = np.linspace(width / 2, strain[-1] - width / 2, 200)
+    inside = np.abs(strain - grid[:, None]) <= width / 2
+    return grid, inside @ values / np.maximum(inside.sum(axis=1), 1)
+
+
+def of_shear(history):
+    """Numbers of a triaxial test, by name, and its curves; contraction is positive."""
+    columns = ["strain_x", "strain_y", "strain_z", "stress_x", "stress_y", "stress_z", "void_ratio"]
+    ex, ey, ez, x, y, z, void_ratio = history[columns].to_numpy().T
+    ratio = 3 * (z - (x + y) / 2) / (x + y + z)
+    volume = 1 - (1 - ex) * (1 - ey) * (1 - ez)
+    strain, ratio = means(ez, ratio, 0.1 * ez[-1])
+    slow, smooth = means(ez, volume, 0.1 * ez[-1])
+    peak = np.argmax(ratio)
+    numbers = {
+        "void_ratio": void_ratio[0], "peak": ratio[peak], "strain_at_peak": strain[peak],
+        "end": ratio[-40:].mean(), "volume_at_end": volume[-1],
+        "dilation": -np.min(np.gradient(smooth, slow)),
+    }  # fmt: skip
+    return numbers, {"strain": strain, "ratio": ratio, "whole": ez, "volume": volume}
+
+
+def powers_of_laboratory():
+    """Of stress in the modulus, where strains from zero grow as stress to the power 1 - n."""
+    start, low, high, _ = OEDOMETER.T
+    return 1 - np.log((start - low) / (start - high)) / np.log(100 / 407)
+
+
+def draw(curves, rows, path):
+    """Three figures of the oedometer above three of the triaxial test; a colour a density."""
+    figure, ((e, modulus, k0), (ratio, volume, peak)) = plt.subplots(
+        2, 3, figsize=(10.5, 6.0), layout="constrained"
+    )
+    frictions = sorted({friction for friction, *_ in curves})
+    for (friction, _seed, name, stress), c in curves.items():
+        first = name == "oedometer" and stress == min(s for *_, n, s in curves if n == name)
+        look = {"color": f"C{frictions.index(friction)}", "lw": 1, "ls": "-" if first else "--"}
+        if name == "triaxial":
+            look["ls"] = "-"
+            ratio.plot(100 * c["strain"], c["ratio"], **look)
+            volume.plot(100 * c["whole"], 100 * c["volume"], **look)
+            continue
+        e.semilogx(c["stress"] / 1e6, c["e"], **look)
+        modulus.loglog(c["at"] / 1e6, c["slopes"] / 1e6, **look)
+        grid, smooth = means(np.log(c["stress"] / c["stress"][0]), c["k0"], 0.2)
+        k0.semilogx(c["stress"][0] * np.exp(grid) / 1e6, smooth, **look)
+    for start, low, high, slope in OEDOMETER:
+        e.plot([0.1, 0.407], [low, high], "k.-", ms=4, lw=0.6)
+        modulus.plot(0.283, slope, "k.", ms=4 + 6 * (1.1 - start))
+    for start, top, strain, end in TRIAXIAL:
+        ratio.plot(100 * strain, top, "k.", label=f"e = {start}")
+        peak.plot(start, top, "k.")
+    volume.plot(np.full(len(TRIAXIAL), 20.0), 100 * TRIAXIAL[:, 3], "k.", label="laboratory, end")
+    volume.legend(frameon=False)
+    for row in rows:
+        if row["test"] == "triaxial":
+            color = f"C{frictions.index(row['packing_friction'])}"
+            peak.plot(row["void_ratio"], row["peak"], "o", color=color, mfc="none")
+    e.set(xlabel="axial stress [MPa]", ylabel="void ratio")
+    modulus.set(xlabel="axial stress [MPa]", ylabel="tangent modulus [MPa]")
+    k0.set(xlabel="axial stress [MPa]", ylabel="side over axial stress", ylim=(0.0, 1.1))
+    ratio.set(xlabel="axial strain [%]", ylabel="q/p", ylim=(0.0, None))
+    volume.set(xlabel="axial strain [%]", ylabel="volumetric strain [%]")
+    peak.set(xlabel="void ratio", ylabel="peak of q/p")
+    figure.savefig(path, dpi=150)
+
+
+def parsed(arguments=None):
+    """What the command line says."""
+    parser = argparse.ArgumentParser(
+        description=__doc__.partition("\n\n")[0],
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    add = parser.add_argument
+    add("folder", type=Path, help="folder of packings and runs")
+    add("--packing-friction", type=float, nargs="+", default=[0.05, 0.3, 1.0],
+        help="while grains are packed: a density each")  # fmt: skip
+    add("--seed", type=int, nargs="+", default=[1], help="of the packings")
+    add("--count", type=int, default=80, help="number of grains")
+    add("--edges", type=float, default=5.0, help="edges a diameter")
+    add("--edges-at-contacts", type=float, default=28.0, help="the same there, oedometer")
+    add("--friction", type=float, default=0.5, help="of the grains in the tests")
+    add("--model", choices=["rigid", "elastic"], default="rigid", help="of the grains")
+    add("--contact", type=float, default=0.05,
+        help="contact over grain radius at which force is Hertz's, oedometer")  # fmt: skip
+    add("--soft-contact", type=float, default=0.3, help="the same, triaxial test")
+    add("--start", type=float, nargs="*", default=[0.1, 0.5],
+        help="isotropic stresses before the oedometer [MPa]")  # fmt: skip
+    add("--largest", type=float, default=4.0, help="stress of the oedometer [MPa]")
+    add("--pressure", type=float, nargs="*", default=[1.0], help="on sides, triaxial test [MPa]")
+    add("--strain", type=float, default=0.2, help="of the triaxial test")
+    add("--speed", type=float, default=0.04, help="of walls, oedometer [m/s]")
+    add("--shear-speed", type=float, default=0.1, help="of walls, triaxial test [m/s]")
+    add("--figure", help="file that a figure is saved to")
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    given = parsed()
+    curves, rows = {}, []
+    tests = [("oedometer", s) for s in given.start] + [("triaxial", s) for s in given.pressure]
+    samples = itertools.product(tests, given.packing_friction, given.seed)
+    for (name, stress), friction, seed in samples:
+        folder = given.folder / f"{name}-{friction:g}-seed-{seed}"
+        shear = name == "triaxial"  # grains move far, and contacts with them
+        pack(folder, friction, seed, not shear, given)
+        numbers, curve = (of_shear if shear else of_compression)(test(folder, name, stress, given))
+        head = {"packing_friction": friction, "seed": seed, "test": name, "start_MPa": stress}
+        rows.append(head | {key: float(f"{value:.4g}") for key, value in numbers.items()})
+        curves[friction, seed, name, stress] = curve
+        print(" ".join(f"{key}={value}" for key, value in rows[-1].items()), flush=True)
+    print("laboratory, powers of stress:", *np.round(powers_of_laboratory(), 2))
+    with open(given.folder / "sand.csv", "w", newline="", encoding="utf-8") as table:
+        writer = csv.DictWriter(table, list(dict.fromkeys(itertools.chain(*rows))))
+        writer.writeheader()
+        writer.writerows(rows)
+    if given.figure:
+        draw(curves, rows, given.figure)
