@@ -39,7 +39,9 @@ OEDOMETER = np.array([
     [0.722, 0.708, 0.703, 113.0],
 ])  # fmt: skip
 #: Drained at 100 kPa: void ratio, peak of q/p, strain there, volumetric strain at the end.
-TRIAXIAL = np.array([[1.0, 1.36, 0.22, 0.004], [0.86, 1.52, 0.14, -0.047], [0.71, 1.73, 0.059, -0.1]])
+TRIAXIAL = np.array(
+    [[1.0, 1.36, 0.22, 0.004], [0.86, 1.52, 0.14, -0.047], [0.71, 1.73, 0.059, -0.1]]
+)
 
 SCENE = """
 title = "Sand, {test}"
@@ -132,9 +134,8 @@ def moduli(strain, stress):
 
 def of_compression(history):
     """Numbers of an oedometer test, by name, and its curves."""
-    strain, stress, void_ratio, x, y = (
-        history[n].to_numpy() for n in ("strain_z", "stress_z", "void_ratio", "stress_x", "stress_y")
-    )
+    columns = ["strain_z", "stress_z", "void_ratio", "stress_x", "stress_y"]
+    strain, stress, void_ratio, x, y = history[columns].to_numpy().T
     at, slopes = moduli(strain, stress)
     told = np.isfinite(slopes) & (slopes > 0)
     power = np.polyfit(np.log(at[told]), np.log(slopes[told]), 1)[0]
@@ -151,8 +152,7 @@ def of_compression(history):
 def means(strain, values, width):
     """Of values over a width of strain, on an even grid; some tens of grains bear unevenly."""
     grid = np.linspace(width / 2, strain[-1] - width / 2, 200)
-    inside = np.abs(strain - grid[:, None]) <= width / 2
-    return grid, inside @ values / np.maximum(inside.sum(axis=1), 1)
+    return grid, np.array([values[np.abs(strain - at) <= width / 2].mean() for at in grid])
 
 
 def of_shear(history):
@@ -161,13 +161,15 @@ def of_shear(history):
     ex, ey, ez, x, y, z, void_ratio = history[columns].to_numpy().T
     ratio = 3 * (z - (x + y) / 2) / (x + y + z)
     volume = 1 - (1 - ex) * (1 - ey) * (1 - ez)
-    strain, ratio = means(ez, ratio, 0.1 * ez[-1])
-    slow, smooth = means(ez, volume, 0.1 * ez[-1])
+    width = 0.1 * ez[-1]
+    strain, ratio = means(ez, ratio, width)
+    near = (np.abs(ez - at) <= width / 2 for at in strain)
+    dilation = max(-np.polyfit(ez[rows], volume[rows], 1)[0] for rows in near)
     peak = np.argmax(ratio)
     numbers = {
         "void_ratio": void_ratio[0], "peak": ratio[peak], "strain_at_peak": strain[peak],
         "end": ratio[-40:].mean(), "volume_at_end": volume[-1],
-        "dilation": -np.min(np.gradient(smooth, slow)),
+        "dilation": dilation,
     }  # fmt: skip
     return numbers, {"strain": strain, "ratio": ratio, "whole": ez, "volume": volume}
 
@@ -199,7 +201,7 @@ def draw(curves, rows, path):
     for start, low, high, slope in OEDOMETER:
         e.plot([0.1, 0.407], [low, high], "k.-", ms=4, lw=0.6)
         modulus.plot(0.283, slope, "k.", ms=4 + 6 * (1.1 - start))
-    for start, top, strain, end in TRIAXIAL:
+    for start, top, strain, _end in TRIAXIAL:
         ratio.plot(100 * strain, top, "k.", label=f"e = {start}")
         peak.plot(start, top, "k.")
     volume.plot(np.full(len(TRIAXIAL), 20.0), 100 * TRIAXIAL[:, 3], "k.", label="laboratory, end")

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from PIL import Image
 
@@ -156,3 +157,48 @@ def test_a_picture_of_the_gallery(tmp_path):
         assert picture.mode == "P" and picture.width == demo.WIDTHS[0]
         assert picture.convert("RGB").getpixel((2, 2)) == (255, 255, 255)
     assert 5_000 < sizes["cut"] <= demo.LARGEST
+
+
+def test_shapes_of_sand():
+    """Power of a modulus, ratio of stresses, peak and dilation of made-up tests come out."""
+    demo = import_demo("sand")
+    stress = np.geomspace(1e5, 4e6, 400)
+    strain = (stress**0.3 - stress[0] ** 0.3) / 3e3  # dσ/dε = 1e4 σ^0.7
+    test = pd.DataFrame({"strain_z": strain, "stress_z": stress, "void_ratio": 0.7 - strain})
+    numbers, _ = demo.of_compression(test.assign(stress_x=0.4 * stress, stress_y=0.5 * stress))
+    # A line over a factor of two in stress: 0.7 of its power, some 1 % of its slope.
+    assert numbers["power"] == pytest.approx(0.7, abs=1e-3)
+    assert numbers["modulus_1_MPa"] == pytest.approx(1e-2 * 1e6**0.7, rel=0.02)
+    assert numbers["k0_1_MPa"] == pytest.approx(0.45, rel=1e-9)
+
+    axial = np.linspace(0.0, 0.2, 401)
+    q = 3e6 * np.minimum(axial / 0.05, 1.0)
+    side = 1 - np.sqrt((1 + 0.5 * axial) / (1 - axial))  # the volume grows by half of the strain
+    test = {"strain_x": side, "strain_y": side, "strain_z": axial, "void_ratio": 0.7 + axial}
+    stresses = {"stress_x": 1e6, "stress_y": 1e6, "stress_z": 1e6 + q}
+    numbers, _ = demo.of_shear(pd.DataFrame(test | stresses))
+    assert numbers["peak"] == numbers["end"] == pytest.approx(1.5, rel=1e-9)  # 3 / (1 + 3 / 3)
+    assert numbers["volume_at_end"] == pytest.approx(-0.1, rel=1e-9)
+    assert numbers["dilation"] == pytest.approx(0.5, rel=1e-9)
+
+
+def test_powers_of_the_laboratory_of_sand(monkeypatch):
+    """Void ratios that fall as stress to the power 0.3 give a modulus of power 0.7."""
+    demo = import_demo("sand")
+    table = np.array([[0.9, 0.9 - 0.01 * 100**0.3, 0.9 - 0.01 * 407**0.3, 0.0]])
+    monkeypatch.setattr(demo, "OEDOMETER", table)
+    assert demo.powers_of_laboratory() == pytest.approx([0.7], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_sand_from_packing_to_table(tmp_path, demo):
+    """Eight grains go all the way; the same command again finds all done, with the same table."""
+    words = ["--packing-friction", 0.3, "--count", 8, "--edges", 5, "--edges-at-contacts", 7]
+    words += ["--start", 0.5, "--largest", 2, "--strain", 0.01, "--figure", tmp_path / "sand.png"]
+    out = demo("sand", tmp_path, *words)
+    assert "test=oedometer" in out and "test=triaxial" in out
+    assert (tmp_path / "sand.png").stat().st_size > 20_000
+    table = (tmp_path / "sand.csv").read_text()
+    assert table.count("\n") == 3  # a head and two tests
+    demo("sand", tmp_path, *words)
+    assert (tmp_path / "sand.csv").read_text() == table
