@@ -29,6 +29,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 #: Karlsruhe fine sand, numbers from Wichtmann & Triantafyllidis, Acta Geotechnica 11, 2016,
 #: 739-761. Void ratio at the start, at 100 and at 407 kPa, and modulus from 200 to 400 kPa [MPa].
@@ -80,7 +81,7 @@ until = {{ stress_z = "{largest} MPa", strain_z = 0.2 }}"""
 SHEAR = "z = {{ strain = {strain} }}"
 
 #: Stresses whose modulus and K0 are told [Pa]. A modulus is the slope over a factor of two.
-TOLD = (0.28e6, 1e6, 2.8e6)
+TOLD = (0.28e6, 0.5e6, 1e6, 2.7e6)
 
 
 def call(*words):
@@ -144,7 +145,9 @@ def of_compression(history):
     for level in TOLD:
         near = (stress > level / 2**0.5) & (stress < level * 2**0.5)
         name = f"{level / 1e6:g}_MPa"
-        numbers[f"modulus_{name}"] = np.interp(level, at[told], slopes[told]) / 1e6
+        numbers[f"modulus_{name}"] = (
+            np.interp(level, at[told], slopes[told], left=np.nan, right=np.nan) / 1e6
+        )
         numbers[f"k0_{name}"] = k0[near].mean() if near.any() else np.nan
     return numbers, {"stress": stress, "e": void_ratio, "k0": k0, "at": at, "slopes": slopes}
 
@@ -191,7 +194,8 @@ def draw(curves, rows, path):
         look = {"color": f"C{frictions.index(friction)}", "lw": 1, "ls": "-" if first else "--"}
         if name == "triaxial":
             look["ls"] = "-"
-            ratio.plot(100 * c["strain"], c["ratio"], **look)
+            label = f"packed with friction {friction:g}"
+            ratio.plot(100 * c["strain"], c["ratio"], label=label, **look)
             volume.plot(100 * c["whole"], 100 * c["volume"], **look)
             continue
         e.semilogx(c["stress"] / 1e6, c["e"], **look)
@@ -202,10 +206,13 @@ def draw(curves, rows, path):
         e.plot([0.1, 0.407], [low, high], "k.-", ms=4, lw=0.6)
         modulus.plot(0.283, slope, "k.", ms=4 + 6 * (1.1 - start))
     for start, top, strain, _end in TRIAXIAL:
-        ratio.plot(100 * strain, top, "k.", label=f"e = {start}")
+        ratio.plot(100 * strain, top, "k.")
         peak.plot(start, top, "k.")
-    volume.plot(np.full(len(TRIAXIAL), 20.0), 100 * TRIAXIAL[:, 3], "k.", label="laboratory, end")
+    volume.plot(
+        np.full(len(TRIAXIAL), 20.0), 100 * TRIAXIAL[:, 3], "k.", label="laboratory, whole test"
+    )
     volume.legend(frameon=False)
+    ratio.legend(frameon=False, loc="lower right", fontsize="small")
     for row in rows:
         if row["test"] == "triaxial":
             color = f"C{frictions.index(row['packing_friction'])}"
@@ -216,7 +223,10 @@ def draw(curves, rows, path):
     ratio.set(xlabel="axial strain [%]", ylabel="q/p", ylim=(0.0, None))
     volume.set(xlabel="axial strain [%]", ylabel="volumetric strain [%]")
     peak.set(xlabel="void ratio", ylabel="peak of q/p")
-    figure.savefig(path, dpi=150)
+    for axes in (e, modulus, k0):
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.xaxis.set_major_formatter(ScalarFormatter())
+    figure.savefig(path, dpi=110)
 
 
 def parsed(arguments=None):
