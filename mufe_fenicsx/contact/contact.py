@@ -218,17 +218,17 @@ class Contact(Stateful):
             self.walls.clear()
             return 0.0, -1
         self.bind()
-        ghosts, layers, edges = self.ghosts, self.layers, (0.0, 0.0, 0, 0.0)
+        ghosts, layers, motion, edges = self.ghosts, self.layers, self.motion, (0.0, 0.0, 0, 0.0)
         ghosts.clear_forces()
 
         def between():
             nonlocal edges
             if not layers.kinematic:
-                edges = self.edges.pairs.forces(self.motion.bound, accept)
+                edges = self.edges.pairs.forces(motion.bound, accept)
             ghosts.begin_reverse()
 
         # What other ranks wait for comes first.
-        pairs = self.pairs.forces(self.motion.longest, accept, between)
+        pairs = self.pairs.forces(motion.longest, motion.left, accept, between)
         walls = self.walls.add_forces(accept, layers.ahead)
         ghosts.end_reverse()
         ghosts.hand_on(f)

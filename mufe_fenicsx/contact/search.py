@@ -7,7 +7,6 @@ from .pairs.facet_pairs import search_pairs
 from .results.edge_contacts import new_slip
 from .start.overlap import depths_to_search
 from .surface.active_nodes import nodes_of_pairs
-from .surface.bulges import highest
 from .surface.exchange import exchange_surface
 from .surface.surface import in_closed_cracks
 
@@ -102,7 +101,7 @@ def _search_facets(contact, reach, wait):
     old, points, surface = contact.pairs, contact.points, contact.surface
     contact.pairs = search_pairs(
         contact.ghosts.positions.array, points, contact.ghosts.facets, surface,
-        reach + highest(surface.bulge_of_facet), contact.motion.bound,
+        reach + contact.layers.highest, contact.motion.bound,
         contact.layers.strengths.any, contact.self_contact, contact.first_tool,
         contact.dissipation.num_grains,
     )  # fmt: skip

@@ -101,9 +101,9 @@ def test_a_ring_under_a_servo_holds_its_force():
     ring = {"name": "ring", "point": ROW, "normal": UP, "radius": 3.1 * RADIUS,
             "target": 20.0, "speed": 0.5}  # fmt: skip
     s = row_of_balls([ring, *PLANES], friction=0.3, damping=2e4)
-    while s.state.t < 1.2e-3:
+    while s.state.t < 1.5e-3:
         s.step()
-    # As of a plane: it approaches exponentially.
+    # As of a plane: it approaches exponentially, 1 % are left at 1.2e-3 s.
     assert s.wall_forces()[0] == pytest.approx(20.0, rel=0.01)
     energies = s.energies()
     assert abs(energies["residual"]) < 1e-3 * energies["work"]

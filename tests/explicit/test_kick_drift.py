@@ -75,7 +75,7 @@ def test_steps_that_leave_nodes_behind_bring_the_same_bits(friction, damping):
     found = []
     for everywhere in (True, False):
         s = collision(friction=friction, damping=damping)
-        for n in range(120):
+        for n in range(150):
             s.step(everywhere or n % 37 == 0)
         s.complete()
         bits = [s.state.x, s.state.u, s.state.v, s.state.a, s.force.x.array, s.walls.force]

@@ -57,9 +57,9 @@ class SurfaceLayers(Stateful):
         self.smooth = found.smooth
         #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
         self.points = found.points
-        #: By how much smooth surfaces bring facets nearer [m], and how much faster than nodes
-        #: their gaps go at most, on all ranks.
-        self.rise, self.steepest = self._bounds(mesh.comm, own)
+        #: How far smooth surfaces stand above facets [m], and how much faster than nodes their
+        #: gaps go at most, on all ranks.
+        self.highest, self.steepest = self._bounds(mesh.comm, own)
         strain = grains.plastic_strain
         #: Plastic strain of the cells, shape (num_cells,); zeros where nothing is known.
         self.plastic_strain = np.zeros(mesh.num_cells) if strain is None else strain
@@ -95,7 +95,7 @@ class SurfaceLayers(Stateful):
         return Known(compliance, self.smooth.some(facet), changed)
 
     def _bounds(self, comm, own):
-        """Fields ``rise`` and ``steepest``. Collective.
+        """Fields ``highest`` and ``steepest``. Collective.
 
         Along a slope gaps go faster than points, and points that stand over their facets go as
         these turn, by the sum of the gradients of their shape functions: half the perimeter over
@@ -105,10 +105,15 @@ class SurfaceLayers(Stateful):
         gradients = 1.5 * own.facet_edge / own.facet_area
         stands = self.points.stands[: self.points.num_in_facets].reshape(len(gradients), -1)
         turn = np.abs(stands * gradients[:, None]).max(initial=0.0)
-        most = np.array([2.0 * highest(self.smooth.bulge).max(initial=0.0), slope, turn])
+        most = np.array([highest(self.smooth.bulge).max(initial=0.0), slope, turn])
         comm.Allreduce(MPI.IN_PLACE, most, op=MPI.MAX)
-        rise, slope, turn = most.tolist()
-        return rise, math.hypot(1.0, slope) * (1.0 + turn)
+        above, slope, turn = most.tolist()
+        return above, math.hypot(1.0, slope) * (1.0 + turn)
+
+    @property
+    def rise(self):
+        """By how much smooth surfaces bring facets nearer [m]."""
+        return 2.0 * self.highest
 
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local.

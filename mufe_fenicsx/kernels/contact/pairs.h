@@ -40,6 +40,8 @@ enum { ALL_PAIRS, EARLY_PAIRS, OTHER_PAIRS };
 /* What a call is given and finds, see kernels/contact/pairs.py. */
 typedef struct {
   double friction, friction_kinetic, range;
+  double left;     /* motion from now on before which no other facet can be met */
+  double highest;  /* of smooth surfaces over facets */
   double steepest; /* how much faster than points gaps of smooth surfaces go at most */
   int64_t accept, part, num_others;
   double dissipated, switched, num_accepted, deepest, sunk;

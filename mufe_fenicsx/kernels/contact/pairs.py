@@ -16,7 +16,7 @@ class _Call(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "range")),
-        ("steepest", ctypes.c_double),
+        *((name, ctypes.c_double) for name in ("left", "highest", "steepest")),
         *((name, ctypes.c_int64) for name in ("accept", "part", "num_others")),
         *((name, ctypes.c_double) for name in ("dissipated", "switched", "accepted", "deepest")),
         ("sunk", ctypes.c_double),
@@ -85,7 +85,7 @@ class PairForces:
     def __init__(self, pairs, points, surface, ghosts, layers, sharp, early, friction, work):
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         num = self._num_pairs = pairs.node.size
-        self._found = _Call(steepest=layers.steepest)
+        self._found = _Call(steepest=layers.steepest, highest=layers.highest)
         self._found.friction, self._found.friction_kinetic = friction[0]
         corner, rule = fill_points(pairs, points, ghosts, layers)
         pairs.corner[:], pairs.rule[:] = corner, rule
@@ -118,11 +118,12 @@ class PairForces:
         self._call.argtypes = [pointer, pointer, ctypes.c_int64]
         self._call.restype = None
 
-    def __call__(self, longest, accept, between):
+    def __call__(self, longest, left, accept, between):
         """Add the forces at the positions ``x`` to ``f``.
 
         Args:
             longest: Distance up to which the bounds hold [m].
+            left: Motion from now on before which nothing can be met but candidates [m].
             accept: True to accept every overlap (start of a test).
             between: Called once the early pairs have their forces; without any, at the end.
 
@@ -133,7 +134,7 @@ class PairForces:
             -1 if none.
         """
         c = self._found
-        c.range, c.accept = longest, accept
+        c.range, c.left, c.accept = longest, left, accept
         table, call, num = self._pointers.table, ctypes.addressof(c), self._num_pairs
         c.part = EARLY if self._any_early else ALL
         self._call(table, call, num)

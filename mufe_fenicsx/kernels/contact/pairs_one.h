@@ -81,6 +81,11 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     distance = length(minus(point, mean(w, t.a, t.b, t.c)));
   }
   int64_t k = m->closest[p];
+  /* Another facet may be as near, and only the nearest one tells on which side the point is. */
+  if (!s->closed && !c->accept && distance > c->left + c->highest) {
+    m->next_check[p] = bound + least(most(c->left, 0.0) / c->steepest, c->range);
+    return;
+  }
 
   /* The gap, and the normal from the facet to the point. */
   vec3 facet_normal = normal_of(t);
