@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.contact.pairs.facet_pairs import Pairs
+from mufe_fenicsx.contact.search import connect
 from mufe_fenicsx.contact.walls import rotation_of
 from mufe_fenicsx.explicit.simulation import Simulation
 from mufe_fenicsx.geometry.bodies.shapes import box
@@ -150,3 +152,23 @@ def test_a_grain_far_away_changes_no_bit(edge):
         of_balls = np.flatnonzero(grain < 2)
         found.append(s.state.x[of_balls[np.lexsort(s.mesh.x[of_balls].T)]])
     np.testing.assert_array_equal(*found)
+
+
+def test_a_facet_that_is_found_alone_tells_no_side():
+    """Points before a cube are behind its far facets, the only ones that are candidates here."""
+    points, cells = box((H, H, H), (2, 2, 2))
+    s = simulation_of_bodies([(points, cells), (points + np.array([1.3 * H, 0, 0]), cells)])
+    contact, x = s.contact, s.mesh.x.copy()
+    corner = x[contact.own.nodes[contact.own.facets]]
+    far = np.flatnonzero((corner[..., 0] > 2.29 * H).all(axis=1)).astype(np.int32)
+    node = np.flatnonzero(contact.points.body_of_point == 0).astype(np.int32)
+    contact.pairs = Pairs(
+        node, np.ones_like(node), far.size * np.arange(node.size + 1), np.tile(far, node.size),
+        contact.points, 2, contact.motion.bound, False,
+    )  # fmt: skip
+    connect(contact)
+    for _ in range(2):
+        f = np.zeros_like(x)
+        contact.begin_step(x)
+        contact.add_forces(f, x)
+    assert far.size == 8 and not contact.pairs.closed.any() and not f.any()
