@@ -97,18 +97,19 @@ class SurfaceLayers(Stateful):
     def _bounds(self, comm, own):
         """Fields ``highest`` and ``steepest``. Collective.
 
-        Along a slope gaps go faster than points, and points that stand over their facets go as
-        these turn, by the sum of the gradients of their shape functions: half the perimeter over
-        the area.
+        Along a slope gaps go faster than points. A point that stands z over its facet goes by
+        √(1 + 3 z² Σ |∇N|²) of what the three nodes do at most (Cauchy and Schwarz), where |∇N| is a
+        side over twice the area, and the squares of sides add up to half that of the perimeter at
+        most.
         """
         slope = self.smooth.slope.max(initial=0.0)
-        gradients = 1.5 * own.facet_edge / own.facet_area
+        gradients = math.sqrt(1.5) * 1.5 * own.facet_edge / own.facet_area
         stands = self.points.stands[: self.points.num_in_facets].reshape(len(gradients), -1)
         turn = np.abs(stands * gradients[:, None]).max(initial=0.0)
         most = np.array([highest(self.smooth.bulge).max(initial=0.0), slope, turn])
         comm.Allreduce(MPI.IN_PLACE, most, op=MPI.MAX)
         above, slope, turn = most.tolist()
-        return above, math.hypot(1.0, slope) * (1.0 + turn)
+        return above, math.hypot(1.0, slope) * math.hypot(1.0, turn)
 
     @property
     def rise(self):
