@@ -132,6 +132,8 @@ def check_run(history, mass=None, contacts=None, sample=None):
     if last is not None:
         broke = f"Grains break under the largest load, at {where(history, last)}; what follows is "
         broke += "not judged."
+        said = "Met in all rows up to the largest load."
+        found = [replace(c, text=c.text.replace("Met in all rows.", said)) for c in found]
         verdict = replace(verdict, text=f"{verdict.text} {broke}")
     return [_staged(history, check) for check in (verdict, *found)]
 

@@ -192,13 +192,15 @@ class Rounds:
         while True:
             shape = shape_of_runs([folder_of(self.folder, name) for name in self._names(found)])
             setup = replace(self.options.setup, shape=shape)
-            fit, _ = simplest(self._known(setup).curves, setup, self.options.given)
-            told = ", ".join(with_unit(fit.material[name], "Pa") for name in MATERIAL)
-            E, Y, H = (fit.material[name] for name in MATERIAL)
-            # Walls of a run are rigid: its grain gives way as grain and platen do together.
-            material = setup.modulus(E) * (1 - setup.nu**2), Y, H
+            fit, given = simplest(self._known(setup).curves, setup, self.options.given)
+            told = "E, yield stress, hardening " + ", ".join(
+                with_unit(fit.material[name], "Pa") for name in MATERIAL
+            )
+            if given.elastic:
+                told = f"elastic, E {with_unit(fit.material['E'], 'Pa')}"
+            material = to_run(fit.material, given.elastic, setup)
             name, off = _farthest(fit, material, found)
-            self.say(f"round {len(found)}: E, yield stress, hardening {told}; "
+            self.say(f"round {len(found)}: {told}; "
                      f"{off:.2g} of half an interval from a run")  # fmt: skip
             if off < PART:
                 return setup, None
@@ -232,6 +234,22 @@ class Rounds:
         for why in runner.failed.values():
             raise SolverError(f"run {sweep.names[-1]} in {self.folder / 'runs'} failed: {why}")
         return found
+
+
+def to_run(material, elastic, setup):
+    """E, yield stress and slope of hardening of a run for what was found [Pa].
+
+    Walls of a run are rigid: its grain gives way as grain and platen do together. Of an elastic one
+    Y = H = E; no other may yield beyond E.
+
+    Args:
+        material: Of a fit, by name [Pa].
+        elastic: Whether it does not yield.
+        setup: :class:`~.model.Setup`.
+    """
+    E, Y, H = (material[name] for name in MATERIAL)
+    E = setup.modulus(E) * (1 - setup.nu**2)
+    return (E, E, E) if elastic else (E, min(Y, E), H)
 
 
 def _values(material):

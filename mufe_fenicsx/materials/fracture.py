@@ -16,8 +16,12 @@ IN_ZONE = 5.0
 class Fracture:
     """[fracture]: grains break along facets between their cells."""
 
-    strength: float = setting(REQUIRED, "Pa", "tensile strength of a facet", gt=0)
-    energy: float = setting(REQUIRED, "J/m^2", "to open a crack, over its area", gt=0)
+    strength: float = setting(
+        REQUIRED, "Pa", "tensile strength of a facet", gt=0, plausible=(1e3, 1e12)
+    )
+    energy: float = setting(
+        REQUIRED, "J/m^2", "to open a crack, over its area", gt=0, plausible=(1e-6, 1e8)
+    )
     shear_ratio: float = setting(
         2.0, "-", "shear strength over tensile strength", gt=0, plausible=(0.1, 100.0)
     )
@@ -56,6 +60,13 @@ class Fracture:
         ``strength``: σ [Pa]; None: that of the table.
         """
         return E * self.energy / (self.strength if strength is None else strength) ** 2
+
+    def typical_strength(self, volume: float) -> float:
+        """Geometric mean of strengths drawn for a volume V [Pa]: σ (V₀/V)^(1/m) e^(-γ/m)."""
+        if self.modulus is None:
+            return self.strength
+        share = volume / (self.reference_volume or volume)
+        return self.strength * (share * np.exp(np.euler_gamma)) ** (-1.0 / self.modulus)
 
     def strengths(self, names: np.ndarray, volume: np.ndarray, edge, E) -> np.ndarray:
         """Strengths of facets [Pa], shape (num_facets,).

@@ -88,11 +88,14 @@ def of_cracks(scene, sample, tets):
     if scene.fracture is None:
         return ""
     moduli = [m.E for m in (scene.material, *(g.material for g in scene.materials.values()))]
-    zone, edge = scene.fracture.zone(min(moduli)), sample.edge_of(tets)
+    law, edge = scene.fracture, sample.edge_of(tets)
+    # Of a grain, or of a facet: a quarter of both its cells.
+    volume = math.pi / 6 * sample.diameter**3 if law.scatter == "grain" else edge**3 / 72**0.5 / 2
+    zone = law.zone(min(moduli), law.typical_strength(volume))
     enough = "" if edge <= zone / IN_ZONE else ": too coarse"
     return (
-        f"their zone, E·energy/strength² = {with_unit(zone, 'm')}, wants edges of "
-        f"{with_unit(zone / IN_ZONE, 'm')}; the mean one of the mesh is "
+        f"their zone, E·energy/strength² = {with_unit(zone, 'm')} of strengths as drawn, wants "
+        f"edges of {with_unit(zone / IN_ZONE, 'm')}; the mean one of the mesh is "
         f"{with_unit(edge, 'm')}{enough}"
     )
 

@@ -274,6 +274,9 @@ def test_strengths_follow_weibull():
         for level in (0.5, 0.8, 1.0):
             failed = 1.0 - np.exp(-volume / 1e-12 * level**5)
             assert np.mean(s < level * SIGMA) == pytest.approx(failed, abs=4e-3)
+    # Of 1e5: five standard errors of a mean of logarithms, π/√6/5 each.
+    mean = np.exp(np.log(s).mean())
+    assert mean == pytest.approx(law.typical_strength(1e-11), rel=4e-3)
     # Bodies of 100 such facets are as weak as their weakest one: the same law of their volume.
     weakest = (
         law.strengths(names, np.full(len(names), 1e-12), 1.0, 1e9).reshape(-1, 100).min(axis=1)

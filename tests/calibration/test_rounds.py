@@ -8,7 +8,7 @@ from mufe_fenicsx.calibration.calibrate import Options, calibrate
 from mufe_fenicsx.calibration.data import read_data
 from mufe_fenicsx.calibration.fit import Given
 from mufe_fenicsx.calibration.model import Setup
-from mufe_fenicsx.calibration.rounds import read_grain
+from mufe_fenicsx.calibration.rounds import read_grain, to_run
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import sphere_near_contact
 from mufe_fenicsx.geometry.grains import Grains, save_grains
@@ -139,3 +139,14 @@ def test_noise_of_dense_curves_is_no_fall(tmp_path):
                 read_data([tmp_path / "curve.csv"], object())
         else:
             assert read_data([tmp_path / "curve.csv"], object()).curves[0].force.size == 1000
+
+
+def test_runs_of_an_elastic_fit_do_not_yield():
+    """Between softer platens a run has a lower modulus, which no yield stress may exceed."""
+    setup = Setup(0.2, "platens", (60e9, 0.3))
+    found = {"E": 7e10, "yield": 7e10, "hardening": 7e10}
+    softer = setup.modulus(7e10) * (1 - 0.2**2)
+    assert softer < 4e10
+    assert to_run(found, True, setup) == (softer, softer, softer)
+    assert to_run(found, False, setup) == (softer, softer, 7e10)
+    assert to_run(found | {"yield": 1e9}, False, setup) == (softer, 1e9, 7e10)
