@@ -38,8 +38,9 @@ def surface_gaps(points, triangles, grain_of_node, reach):
     across = _across(triangles, n)
     faceted = np.zeros((len(triangles), 6))
     find_gaps(
-        gap, normal, points, node, first, found[1], triangles, faceted, across, offset, order // 3
-    )
+        gap, normal, points[node], points, first, found[1], triangles, faceted, across, offset,
+        order // 3,
+    )  # fmt: skip
     return node, gap, normal
 
 
