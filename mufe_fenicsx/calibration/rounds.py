@@ -26,7 +26,7 @@ from ..units import with_unit
 from . import ball
 from .data import TOUCHED, Size, within_table
 from .fit import MATERIAL, WIDE, simplest
-from .own_mesh import as_grain, linear, place, shape_of_runs
+from .own_mesh import FAR, as_grain, linear, place, shape_of_runs
 from .sentences import WORDS
 
 #: Folder of the runs within that of the results, and the scene in it.
@@ -200,6 +200,9 @@ class Rounds:
                 told = f"elastic, E {with_unit(fit.material['E'], 'Pa')}"
             material = to_run(fit.material, given.elastic, setup)
             name, off = _farthest(fit, material, found)
+            # Where intervals are wide: a run has to have nearly this material, too.
+            apart = min(_apart(material, found, setup.nu))
+            off = max(off, PART * apart / FAR)
             self.say(f"round {len(found)}: {told}; "
                      f"{off:.2g} of half an interval from a run")  # fmt: skip
             if off < PART:
@@ -268,14 +271,19 @@ def _farthest(fit, material, found):
     return MATERIAL[int(np.argmax(nearest))], float(nearest.max())
 
 
-def _nearer(material, found, nu):
-    """The material, or one on the way to it from the nearest run where that is far."""
+def _apart(material, found, nu):
+    """How far a material is from that of each run, as of :func:`~.own_mesh.place`."""
 
     def at(values):
         E, Y, H = values
         return place(Y * (1 - nu**2) / E, H / Y)
 
-    apart = [float(np.linalg.norm(at(material) - at(run))) for run in found]
+    return [float(np.linalg.norm(at(material) - at(run))) for run in found]
+
+
+def _nearer(material, found, nu):
+    """The material, or one on the way to it from the nearest run where that is far."""
+    apart = _apart(material, found, nu)
     nearest = int(np.argmin(apart))
     part = min(1.0, STEP / max(apart[nearest], 1e-9))
     start, end = np.log(found[nearest]), np.log(material)
