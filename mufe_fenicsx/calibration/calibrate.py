@@ -60,6 +60,8 @@ def calibrate(paths, options, output, overwrite=False, progress=None, say=print)
         Interrupted: A signal came while one ran; runs stay.
     """
     data = read_data(paths, options.size)
+    if options.grain is not None:
+        data = options.grain.sized(data)
     runs, notes = Path(output) / rounds.FOLDER, data.notes[:]
     begun = options.grain is not None and rounds.begun(runs)
     marker = rounds.FOLDER if begun else TABLE

@@ -33,6 +33,8 @@ from .sentences import WORDS
 FOLDER, SCENE = "grain", "scene.toml"
 #: Runs of a calibration at most.
 MOST = 8
+#: Part by which the diameter of a table may be off that of the mesh without a word.
+SAME = 0.02
 #: Settled is what lies off a run by this part of half its interval.
 PART = 0.2
 #: Way of a run over that of the curves; farthest step to a material without a run, in logarithms.
@@ -55,6 +57,18 @@ class Grain:
     def size(self):
         """Of grains whose table has none: that of the mesh."""
         return Size(*[self.diameter] * 3)
+
+    def sized(self, data):
+        """The data with the size of this grain; notes say where a table has another one."""
+        others = [curve for curve in data.curves
+                  if abs(curve.size.diameter / self.diameter - 1) > SAME]  # fmt: skip
+        notes = [
+            f"diameter of curve {curve.name} = {with_unit(curve.size.diameter, 'm')} is not used: "
+            f"a ball as large as the grain of the scene has {with_unit(self.diameter, 'm')}"
+            for curve in others
+        ]
+        curves = [replace(curve, size=self.size) for curve in data.curves]
+        return replace(data, curves=curves, notes=[*data.notes, *notes])
 
     def to(self, way):
         """The scene with a strain at which each contact has gone so far. Local.

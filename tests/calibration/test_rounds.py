@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.calibration import data as tables
 from mufe_fenicsx.calibration.calibrate import Options, calibrate
-from mufe_fenicsx.calibration.data import read_data
+from mufe_fenicsx.calibration.data import Data, Size, read_data
 from mufe_fenicsx.calibration.fit import Given
 from mufe_fenicsx.calibration.model import Setup
-from mufe_fenicsx.calibration.rounds import read_grain, to_run
+from mufe_fenicsx.calibration.rounds import Grain, read_grain, to_run
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import sphere_near_contact
 from mufe_fenicsx.geometry.grains import Grains, save_grains
@@ -150,3 +151,13 @@ def test_runs_of_an_elastic_fit_do_not_yield():
     assert to_run(found, True, setup) == (softer, softer, softer)
     assert to_run(found, False, setup) == (softer, softer, 7e10)
     assert to_run(found | {"yield": 1e9}, False, setup) == (softer, 1e9, 7e10)
+
+
+def test_the_mesh_tells_the_size_of_its_grain():
+    """A height of 0.56 of a grain as large as a ball of 0.72 made yield 1.4 times too large."""
+    grain = Grain(None, 0.72e-3, 0.56e-3)
+    curves = [tables.Curve(name, np.arange(3.0), np.arange(3.0), Size(*[d] * 3))
+              for name, d in (("A", 0.56e-3), ("B", 0.721e-3))]  # fmt: skip
+    found = grain.sized(Data(curves, [], np.array([]), np.array([]), []))
+    assert [curve.size.diameter for curve in found.curves] == pytest.approx([0.72e-3] * 2)
+    assert len(found.notes) == 1 and "diameter of curve A = 560 µm is not used" in found.notes[0]
