@@ -132,8 +132,6 @@ def check_run(history, mass=None, contacts=None, sample=None):
     if last is not None:
         broke = f"Grains break under the largest load, at {where(history, last)}; what follows is "
         broke += "not judged."
-        said = "Met in all rows up to the largest load."
-        found = [replace(c, text=c.text.replace("Met in all rows.", said)) for c in found]
         verdict = replace(verdict, text=f"{verdict.text} {broke}")
     return [_staged(history, check) for check in (verdict, *found)]
 
@@ -468,8 +466,8 @@ def _since(history, values, target):
         last = f": last at {where(history, met[-1])}" if met.size else ""
         return None, math.nan, f"Not met at the end{last}."
     row = int(rows[missed[-1] + 1] if missed.size else rows[0])
-    place = f"Met from {where(history, row)} on, to the end." if missed.size else "Met in all rows."
-    return row, float(history["strain"][row]), place
+    since = f"from {where(history, row)} on, to the end." if missed.size else "in all judged rows."
+    return row, float(history["strain"][row]), f"Met {since}"
 
 
 def where(history, row):

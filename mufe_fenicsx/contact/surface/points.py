@@ -101,12 +101,11 @@ class Points:
 
     def stand(self, x, points):
         """As :meth:`places`, of those that the points have on the smooth surface."""
-        nodes, weight = self.carriers(points)
-        a, b, c = x[nodes].transpose(1, 0, 2)
+        a, b, c = x[self.corner[points]].transpose(1, 0, 2)
         normal = np.cross(b - a, c - a)
         size = np.linalg.norm(normal, axis=1)
         up = self.stands[points] / np.where(size > 0.0, size, 1.0)  # vertices have no facet
-        return np.einsum("pc,pci->pi", weight, x[nodes]) + up[:, None] * normal
+        return self.places(x, points) + up[:, None] * normal
 
     def stretch(self, own, x, points):
         """Area of the facets around ``points`` now over the reference one, shape (num,).
