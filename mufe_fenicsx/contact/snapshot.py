@@ -336,6 +336,7 @@ def _pairs(contact, names, table, candidates):
     pairs = Pairs(
         node[order], body[order], new_first, facet, contact.points,
         contact.dissipation.num_grains, contact.motion.bound, contact.layers.strengths.any,
+        contact.first_tool,
     )  # fmt: skip
     pairs.motion_bounds.take((name, table.pop(name)[order]) for name in pairs.motion_bounds.KEPT)
     pairs.candidate_next_check[:] = candidates.pop("next_check")[place]

@@ -12,7 +12,7 @@ from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.scene.stages import ToolMotion
-from tests.bodies import cylinder
+from tests.bodies import cylinder, sphere
 
 COMM = MPI.COMM_WORLD
 ROCK = Elastic(1e9, 0.2, 2500.0)
@@ -287,3 +287,22 @@ def test_energy_residual_falls_with_the_square_of_the_step():
         energies = s.energies()
         left.append(abs(energies["residual"]) / energies["work"])
     assert left[1] < 0.4 * left[0] < 4e-4
+
+
+def test_points_stand_out_along_the_normals_of_tools():
+    """As at walls; of other grains they stand over their own facets."""
+    points, cells = sphere(1e-3, 0.35e-3)
+    balls = [(points + np.array([0.0, 0.0, z]), cells) for z in (1.02e-3, 3.04e-3)]
+    plate = box((4e-3, 4e-3, 0.5e-3), (4, 4, 1), (-2e-3, -2e-3, -0.5e-3))
+    s = build(
+        MPI.COMM_SELF, balls, Elastic(1e9, 0.2, 2500.0), (0, 0, 0), (1, 1, 1), "",
+        tools=[Tool("plate", *plate)],
+    )  # fmt: skip
+    pairs, of_point = s.contact.pairs, s.contact.points.stands[s.contact.pairs.node]
+    at_tool, on_tool = pairs.grain == 2, s.contact.points.grain_of_point[pairs.node] == 2
+    assert at_tool.any() and (of_point[at_tool] > 0.0).any() and (~at_tool & ~on_tool).any()
+    assert not pairs.stands[at_tool].any()
+    vertex = s.contact.points.recess[pairs.node]
+    assert np.array_equal(pairs.recess, vertex - np.where(at_tool, of_point, 0.0))
+    # Of single precision.
+    np.testing.assert_allclose(pairs.stands[~at_tool], of_point[~at_tool], rtol=1e-7)

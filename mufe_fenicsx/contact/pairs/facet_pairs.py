@@ -15,12 +15,16 @@ from .table import PairTable
 class Pairs(PairTable):
     """Pairs of points and bodies of one rank, found by :func:`search_pairs`.
 
-    ``body`` is as of :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
+    ``body`` is as of :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`. Points that meet a
+    tool stand out along its normals, as at a wall: else their facets would pass its sharp edges
+    before its sides feel them.
     """
 
     STATE = {"here": (*PairTable.STATE["here"], "candidate_next_check", "closest")}
 
-    def __init__(self, node, body, first, candidate, points, num_grains, bound, yields):
+    def __init__(
+        self, node, body, first, candidate, points, num_grains, bound, yields, first_tool=None
+    ):
         grain = body % num_grains
         bounds = MotionBounds(points.grain_of_point[node], grain, bound)
         super().__init__(PAIR, node, bounds, bound, yields)
@@ -28,7 +32,10 @@ class Pairs(PairTable):
         # Single precision is enough for bounds, and these are most of what a search keeps.
         self.candidate_next_check = np.full(candidate.size, -np.inf, dtype=np.float32)
         self.closest = np.full(node.size, -1, dtype=np.int64)
-        self.recess[:] = points.recess[node]
+        at_tool = grain >= (num_grains if first_tool is None else first_tool)
+        stands = points.stands[node]
+        self.stands[:] = np.where(at_tool, 0.0, stands)
+        self.recess[:] = points.recess[node] - np.where(at_tool, stands, 0.0)
         PAIR.view(self.state, "node")[:] = node
         #: Numbers of the closest facets, -1 where not known, and of a facet of each body, once
         #: candidates are dropped.
@@ -191,4 +198,4 @@ def search_pairs(
         candidate = candidate[meet]
         first = np.searchsorted(node[meet], np.arange(num_points + 1))
     grouped = group_by_grain(first, candidate, bodies)
-    return Pairs(*grouped, candidate, points, num_grains, bound, yields)
+    return Pairs(*grouped, candidate, points, num_grains, bound, yields, first_tool)

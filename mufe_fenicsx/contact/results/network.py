@@ -210,7 +210,7 @@ def _own_sums(contact, x):
     at_walls, areas = contact.ghosts.positions.array[w.node[at]], contact.points.area[w.node[at]]
     _, wall_normal = contact.walls.gaps(at_walls, w.wall[at])
     of_nodes = contact.ghosts.positions.array[contact.ghosts.num_before :]
-    stand = contact.points.stand(of_nodes, p.node[on])
+    stand = contact.points.stand(of_nodes, p.node[on], p.stands[on])
     crossings = closed_crossings(contact)
     bodies = contact.edges.edges.body
     e = contact.edges.pairs

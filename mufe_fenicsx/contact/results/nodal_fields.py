@@ -101,9 +101,10 @@ def _gaps(contact, some):
     p, s, g = contact.pairs, contact.surface, contact.ghosts
     node, first = p.node[some], p.first[some.start : some.stop + 1]
     gap, normal = np.empty(node.size), np.empty((node.size, 3))
-    place = contact.points.stand(g.positions.array[g.num_before :], node)
+    points, stands = contact.points, p.stands[some]
+    place = points.stand(g.positions.array[g.num_before :], node, stands)
     find_gaps(
         gap, normal, place, g.positions.array, first, p.candidate, g.facets, s.bulge_of_facet,
         s.neighbour, g.ring_offset, g.ring,
     )  # fmt: skip
-    return gap + contact.points.recess[node], normal
+    return gap + points.recess[node] - (points.stands[node] - stands), normal

@@ -99,12 +99,12 @@ class Points:
         nodes, weight = self.carriers(points)
         return np.einsum("pc,pci->pi", weight, x[nodes])
 
-    def stand(self, x, points):
-        """As :meth:`places`, of those that the points have on the smooth surface."""
+    def stand(self, x, points, height):
+        """As :meth:`places`, where they stand over their facets by a ``height`` [m], (num,)."""
         a, b, c = x[self.corner[points]].transpose(1, 0, 2)
         normal = np.cross(b - a, c - a)
         size = np.linalg.norm(normal, axis=1)
-        up = self.stands[points] / np.where(size > 0.0, size, 1.0)  # vertices have no facet
+        up = height / np.where(size > 0.0, size, 1.0)  # vertices have no facet
         return self.places(x, points) + up[:, None] * normal
 
     def stretch(self, own, x, points):

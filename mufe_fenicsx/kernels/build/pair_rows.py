@@ -94,12 +94,12 @@ PAIR = Row(
     ("bound_row", INTEGER),  # which one of ``bounds`` is that of both grains
     ("friction", INTEGER),  # of the pair of materials, where there are some
     ("offset", REAL, 1, KEPT),
-    ("recess", REAL, 1, KEPT),  # of a vertex, and the dent
+    ("recess", REAL, 1, KEPT),  # of a vertex, less the height at a tool, and the dent
     ("stiffness", REAL, 1, KEPT),
     ("largest_depth", REAL, 1, KEPT),
     ("ratio", REAL),
     ("area", SINGLE),
-    ("stands", SINGLE),  # height of the smooth surface over its facet at the point
+    ("stands", SINGLE),  # of the point over its facet
     ("bulge", SINGLE, 6),  # q_ab q_bc q_ca, o_a o_b o_c of surface/bulges.py
     ("softer", SINGLE, 1, KEPT),  # m of the law
     ("yield_depth", SINGLE, 1, KEPT),  # from which on a dent deepens, none: infinity

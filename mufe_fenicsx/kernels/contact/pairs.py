@@ -89,7 +89,7 @@ class PairForces:
         self._found.friction, self._found.friction_kinetic = friction[0]
         corner, rule = fill_points(pairs, points, ghosts, layers)
         pairs.corner[:], pairs.rule[:] = corner, rule
-        pairs.area[:], pairs.stands[:] = points.area[pairs.node], points.stands[pairs.node]
+        pairs.area[:] = points.area[pairs.node]
         pairs.around[:], pairs.num_around[:] = points.around_of[pairs.node].T
         pairs.bound_row[:] = pairs.motion_bounds.of
         if pairs.friction_row.size:

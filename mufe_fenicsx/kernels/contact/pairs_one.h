@@ -82,7 +82,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   }
   int64_t k = m->closest[p];
   /* Another facet may be as near, and only the nearest one tells on which side the point is. */
-  if (!s->closed && !c->accept && distance > c->left + c->highest) {
+  if (!s->closed && !c->accept && distance + least(s->recess, 0.0) > c->left + c->highest) {
     m->next_check[p] = bound + least(most(c->left, 0.0) / c->steepest, c->range);
     return;
   }
