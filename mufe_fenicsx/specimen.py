@@ -127,8 +127,8 @@ class Specimen(Stateful):
             weight[self.tools.borne_nodes()] = 0.0
             self.add_term(Gravity(mesh, weight, gravity, self.rigid))
         if self.any_rigid:
-            s = self.state
-            self.contact.before_search = lambda: self.rigid.place_all(s.x, s.u)
+            rigid, s = self.rigid, self.state
+            self.contact.before_search = lambda: rigid.place_all(s.x, s.u)
 
     def _begin_motion(self, velocity):
         """Initial velocities, and those that are told. Local."""

@@ -19,7 +19,9 @@ class NeoHookeanGrains:
     """
 
     def __init__(self, solid, which):
-        self._solid = solid
+        # Not the solid itself, which would then be freed late: growths make many.
+        self._mesh, self._kernel, self._volume0 = solid.mesh, solid.kernel, solid.volume0
+        self._shear = solid.shear
         which = np.asarray(which, dtype=bool)
         self.grains = np.flatnonzero(which)
         self.quadratic_shear = np.where(which, np.inf, solid.shear)
@@ -36,14 +38,14 @@ class NeoHookeanGrains:
         Returns:
             An inverted element, or -1.
         """
-        return self._solid.kernel(
+        return self._kernel(
             f, state.deviator, state.plastic_strain, state.plastic_work, state.x, state.v, 0.0,
             grains, stretch=True,
         )  # fmt: skip
 
     def add_energy(self, energy, x):
         """Add the energy of the deviators at ``x`` [J] to ``energy``, shape (num_grains,)."""
-        m, solid = self._solid.mesh, self._solid
+        m = self._mesh
         add_neo_hookean_energy(
-            energy, x, m.x, m.cells, solid.volume0, self.grains, m.cell_offset, solid.shear
+            energy, x, m.x, m.cells, self._volume0, self.grains, m.cell_offset, self._shear
         )

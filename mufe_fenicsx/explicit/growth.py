@@ -106,6 +106,7 @@ def carry_over(old, new):
     sp.parted -= (apart - before)[0] + (_energies(new) - apart).sum()
     old.contact.destroy()
     old.stable.destroy()
+    old.specimen.terms.clear()  # of which that of contact refers back: arrays are freed at once
 
 
 def _came_loose(mesh, before):

@@ -97,8 +97,9 @@ class StableStep(Stateful):
             )
 
     def destroy(self):
-        """Free the PETSc vectors. Collective."""
+        """Free the PETSc vectors, and what refers back to this. Collective."""
         self._springs.destroy()
+        del self.highest, self.highest_of_springs, self.highest_of_tets, self.shared
 
     def set_mass(self, mass):
         """Take other nodal masses [kg], shape (num_nodes,)."""
