@@ -51,7 +51,10 @@ class Interrupted(RuntimeError):
 
     def __init__(self, number: int, kept: str):
         super().__init__(f"stopped by {ASKED_BY[number]}{kept}")
-        self.signal = int(number)
+        self.signal, self._kept = int(number), kept
+
+    def __reduce__(self):
+        return Interrupted, (self.signal, self._kept)  # from a process of `mufe verify`
 
 
 def finite_array(name: str, value: object, shape: tuple[int, ...]) -> "np.ndarray":

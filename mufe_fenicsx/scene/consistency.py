@@ -20,12 +20,12 @@ def check(scene):
     if scene.tools:
         _check_tools(scene)
     check_stages(scene)
+    if scene.fracture is not None:
+        _check_fracture(scene)
     if scene.mass_scaling is not None:
         _check_mass_scaling(scene)
     if scene.solver.integrator != "explicit":
         _check_implicit(scene)
-    if scene.fracture is not None:
-        _check_fracture(scene)
     _check_mirrors(scene)
     _check_rigid(scene)
     _check_walls(scene)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from copy import copy
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -112,6 +113,8 @@ def test_an_interrupt_while_packing_says_how_to_go_on(scene, tmp_path, monkeypat
         with pytest.raises(Interrupted, match=f"stopped by {words}; --resume goes on") as caught:
             make_packings(sweep, tmp_path)
         assert caught.value.signal == number
+        again = copy(caught.value)  # as it goes from process to process
+        assert (again.signal, str(again)) == (number, str(caught.value))
 
 
 @pytest.mark.parametrize("kept", [
