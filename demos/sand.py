@@ -19,6 +19,7 @@ import csv
 import itertools
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mufe_fenicsx as mufe  # first: one BLAS thread, the wheel's MPI
@@ -47,7 +48,7 @@ TRIAXIAL = np.array(
 SCENE = """
 title = "Sand, {test}"
 [sample]
-grains = "grains"
+grains = "{grains}"
 [material]
 model = "{model}"
 E = "95 GPa"
@@ -71,17 +72,50 @@ history = 1000
 name = "isotropic"
 zero = true
 xyz = {{ stress = "{stress} MPa", speed = "0.3 m/s" }}
+{before}
 [[stage]]
 name = "test"
 {last}
 """
+#: Grains lose touch, are moved past each other, and are pressed again, as by Agnolin & Roux.
+LOOSENED = """[[stage]]
+name = "loosen"
+xyz = {{ strain = -{s}, speed = "0.3 m/s" }}
+[[stage]]
+name = "mix"
+xy = {{ strain = -{wide}, speed = "0.3 m/s" }}
+z = {{ strain = {s}, speed = "0.3 m/s" }}
+[[stage]]
+name = "isotropic again"
+zero = true
+xyz = {{ stress = "{stress} MPa", speed = "0.3 m/s" }}"""
+#: Sides stay at their stress.
+SHEARED = """[[stage]]
+name = "shear"
+z = {{ strain = {s}, speed = "0.3 m/s" }}
+[[stage]]
+name = "isotropic again"
+zero = true
+xyz = {{ stress = "{stress} MPa", speed = "0.3 m/s" }}"""
 COMPRESSION = """xy = {{ strain = 0.0 }}
 z = {{ speed = "{speed} m/s" }}
 until = {{ stress_z = "{largest} MPa", strain_z = 0.2 }}"""
 SHEAR = "z = {{ strain = {strain} }}"
+#: Of the oedometer to a stress, and back by a fifth.
+REVERSAL = """xy = {{ strain = 0.0 }}
+z = {{ speed = "{speed} m/s" }}
+until = {{ stress_z = "{largest} MPa" }}
+hold = "10 us"
+[[stage]]
+name = "back"
+xy = {{ strain = 0.0 }}
+z = {{ speed = "-{speed} m/s" }}
+until = {{ stress_z = "{back} MPa" }}"""
 
 #: Stresses whose modulus and K0 are told [Pa]. A modulus is the slope over a factor of two.
 TOLD = (0.28e6, 0.5e6, 1e6, 2.7e6)
+#: Stress at which --reversal turns back [MPa].
+REVERSES_AT = 0.28
 
 
 def call(*words):
@@ -91,35 +125,72 @@ def call(*words):
         sys.exit(done.returncode)
 
 
+def keep(path, text, made):
+    """Write what something is made of, unless it was made of something else before."""
+    if made.exists() and path.is_file() and path.read_text(encoding="utf-8") != text:
+        sys.exit(f"{made} was made with other options, expected another FOLDER for these")
+    path.write_text(text, encoding="utf-8")
+
+
 def pack(folder, friction, seed, fine, given):
     """Pack and mesh grains, fine at contacts if it is wanted, unless it is done."""
-    if not (folder / "grains").is_dir():
-        size = ["--contact-size", f"{140 / given.edges_at_contacts} um"] if fine else []
-        call("pack", "--count", given.count, "--d50", "140 um", "--uniformity", 1.5,
+    size = ["--contact-size", f"{140 / given.edges_at_contacts} um"] if fine else []
+    words = ["pack", "--count", given.count, "--d50", "140 um", "--uniformity", 1.5,
              "--friction", friction, "--seed", seed, "--element-size", f"{140 / given.edges} um",
-             *size, "-o", folder, "--overwrite")  # fmt: skip
+             *size, "-o", folder]  # fmt: skip
+    grains = folder / "grains"
+    if not grains.is_dir():
+        call(*words, "--overwrite")
+    keep(folder / "packed.txt", " ".join(map(str, words[:-2])), grains)
 
 
-def test(folder, name, stress, given):
-    """Run a test from an isotropic stress [MPa], or go on with it; returns its second stage."""
+def parted(folder, apart):
+    """Name of a folder of the grains farther apart by a part of their distances.
+
+    Packed grains overlap by some 0.1 % of a diameter. Runs flatten meshes there, and a flat contact
+    is a stiff one from the first touch.
+    """
+    if not apart:
+        return "grains"
+    path = folder / f"grains-apart-{apart:g}"
+    if not path.is_dir():
+        grains = mufe.load_grains(folder / "grains")
+        shift = apart * np.repeat(grains.centroids, np.diff(grains.node_offset), axis=0)
+        moved = replace(grains, points=grains.points + shift, box=(1 + apart) * grains.box)
+        mufe.save_grains(path, moved)
+    return path.name
+
+
+def scene_of(name, grains, stress, given):
+    """The scene of a test from an isotropic stress [MPa]."""
     shear = name == "triaxial"
     speed = given.shear_speed if shear else given.speed
     size = given.soft_contact if shear else given.contact
     more = f"contact_radius = {size}" if given.model == "rigid" else "[mass_scaling]\nadded = 0.2"
-    last = (SHEAR if shear else COMPRESSION).format(
-        speed=speed, largest=given.largest, strain=given.strain
+    largest = REVERSES_AT if name == "reversal" else given.largest
+    last = {"triaxial": SHEAR, "oedometer": COMPRESSION, "reversal": REVERSAL}[name].format(
+        speed=speed, largest=largest, back=0.8 * largest, strain=given.strain
     )
-    text = SCENE.format(
-        test=name, model=given.model, more=more, friction=given.friction, speed=speed,
-        stress=stress, last=last,
+    before = ""
+    if given.loosen:
+        before = LOOSENED.format(s=given.loosen, wide=2.5 * given.loosen, stress=stress)
+    elif given.shear_before:
+        before = SHEARED.format(s=given.shear_before, stress=stress)
+    return SCENE.format(
+        test=name, grains=grains, model=given.model, more=more, friction=given.friction,
+        speed=speed, stress=stress, before=before, last=last,
     )  # fmt: skip
+
+
+def test(folder, name, stress, given):
+    """Run a test from an isotropic stress [MPa], or go on with it; returns the run."""
+    text = scene_of(name, parted(folder, given.apart), stress, given)
     name = f"{name}-{stress:g}-MPa"
     scene, run = folder / f"{name}.toml", folder / name
-    scene.write_text(text, encoding="utf-8")
+    keep(scene, text, run)
     if not (run.is_dir() and mufe.open_run(run).finished):
         call("run", scene, "-o", run, *(["--resume"] if (run / "checkpoints").is_dir() else []))
-    history = mufe.open_run(run).history
-    return history[history["stage"] == "test"]
+    return mufe.open_run(run)
 
 
 def moduli(strain, stress):
@@ -133,15 +204,39 @@ def moduli(strain, stress):
     return at, slopes
 
 
-def of_compression(history):
+def at_contacts(history):
+    """Neighbours that press on a grain at the start and at the first stress told; resolution."""
+    first = history[history["stress_z"] > TOLD[0]].iloc[:1]
+    return {
+        "contacts": history["num_active_contacts"].iloc[0],
+        "contacts_then": first["num_active_contacts"].mean(),
+        "elements_per_radius_then": first["elements_per_radius"].mean(),
+    }
+
+
+def of_reversal(run):
+    """Moduli before a reversal, over a sixth of the stress, and after it, over a tenth [MPa]."""
+    rows = run.history[["stage", "strain_z", "stress_z"]]
+    there, back = (rows[rows["stage"] == name].to_numpy()[:, 1:].T.astype(float)
+                   for name in ("test", "back"))  # fmt: skip
+    top = back[1][0]
+    loading, unloading = there[:, there[1] > top / 1.2], back[:, back[1] > 0.9 * top]
+    return {
+        "loading": np.polyfit(*loading, 1)[0] / 1e6,
+        "unloading": np.polyfit(*unloading, 1)[0] / 1e6,
+    }, None
+
+
+def of_compression(run):
     """Numbers of an oedometer test, by name, and its curves."""
+    history = run.history[run.history["stage"] == "test"]
     columns = ["strain_z", "stress_z", "void_ratio", "stress_x", "stress_y"]
     strain, stress, void_ratio, x, y = history[columns].to_numpy().T
     at, slopes = moduli(strain, stress)
     told = np.isfinite(slopes) & (slopes > 0)
     power = np.polyfit(np.log(at[told]), np.log(slopes[told]), 1)[0]
     k0 = (x + y) / 2 / stress
-    numbers = {"void_ratio": void_ratio[0], "power": power}
+    numbers = {"void_ratio": void_ratio[0], "power": power, **at_contacts(history)}
     for level in TOLD:
         near = (stress > level / 2**0.5) & (stress < level * 2**0.5)
         name = f"{level / 1e6:g}_MPa"
@@ -158,8 +253,9 @@ def means(strain, values, width):
     return grid, np.array([values[np.abs(strain - at) <= width / 2].mean() for at in grid])
 
 
-def of_shear(history):
+def of_shear(run):
     """Numbers of a triaxial test, by name, and its curves; contraction is positive."""
+    history = run.history[run.history["stage"] == "test"]
     columns = ["strain_x", "strain_y", "strain_z", "stress_x", "stress_y", "stress_z", "void_ratio"]
     ex, ey, ez, x, y, z, void_ratio = history[columns].to_numpy().T
     ratio = 3 * (z - (x + y) / 2) / (x + y + z)
@@ -243,6 +339,8 @@ def parsed(arguments=None):
     add("--count", type=int, default=80, help="number of grains")
     add("--edges", type=float, default=5.0, help="edges a diameter")
     add("--edges-at-contacts", type=float, default=28.0, help="the same there, oedometer")
+    add("--apart", type=float, default=0.02,
+        help="part of their distances by which grains are moved apart before a test")  # fmt: skip
     add("--friction", type=float, default=0.5, help="of the grains in the tests")
     add("--model", choices=["rigid", "elastic"], default="rigid", help="of the grains")
     add("--contact", type=float, default=0.05,
@@ -255,6 +353,13 @@ def parsed(arguments=None):
     add("--strain", type=float, default=0.2, help="of the triaxial test")
     add("--speed", type=float, default=0.04, help="of walls, oedometer [m/s]")
     add("--shear-speed", type=float, default=0.1, help="of walls, triaxial test [m/s]")
+    add("--reversal", action="store_true",
+        help=f"turn back the oedometer at {REVERSES_AT} MPa, alone")  # fmt: skip
+    before = parser.add_mutually_exclusive_group()
+    before.add_argument("--loosen", type=float, default=0.0,
+        help="strain of expansion, and of mixing, before a sample is pressed again")  # fmt: skip
+    before.add_argument("--shear-before", type=float, default=0.0,
+        help="axial strain of a triaxial stage before the test")  # fmt: skip
     add("--figure", help="file that a figure is saved to")
     return parser.parse_args(arguments)
 
@@ -262,16 +367,23 @@ def parsed(arguments=None):
 if __name__ == "__main__":
     given = parsed()
     curves, rows = {}, []
-    tests = [("oedometer", s) for s in given.start] + [("triaxial", s) for s in given.pressure]
+    kinds = [("oedometer", given.start), ("triaxial", given.pressure)]
+    if given.reversal:
+        kinds = [("reversal", given.start)]
+    tests = [(name, stress) for name, stresses in kinds for stress in stresses]
     samples = itertools.product(tests, given.packing_friction, given.seed)
     for (name, stress), friction, seed in samples:
-        folder = given.folder / f"{name}-{friction:g}-seed-{seed}"
         shear = name == "triaxial"  # grains move far, and contacts with them
+        kind = "triaxial" if shear else "oedometer"
+        folder = given.folder / f"{kind}-{friction:g}-seed-{seed}"
         pack(folder, friction, seed, not shear, given)
-        numbers, curve = (of_shear if shear else of_compression)(test(folder, name, stress, given))
+        run = test(folder, name, stress, given)
+        of = {"triaxial": of_shear, "oedometer": of_compression, "reversal": of_reversal}[name]
+        numbers, curve = of(run)
         head = {"packing_friction": friction, "seed": seed, "test": name, "start_MPa": stress}
         rows.append(head | {key: float(f"{value:.4g}") for key, value in numbers.items()})
-        curves[friction, seed, name, stress] = curve
+        if curve:
+            curves[friction, seed, name, stress] = curve
         print(" ".join(f"{key}={value}" for key, value in rows[-1].items()), flush=True)
     print("laboratory, powers of stress:", *np.round(powers_of_laboratory(), 2))
     with open(given.folder / "sand.csv", "w", newline="", encoding="utf-8") as table:
