@@ -45,14 +45,17 @@ TRIAXIAL = np.array(
     [[1.0, 1.36, 0.22, 0.004], [0.86, 1.52, 0.14, -0.047], [0.71, 1.73, 0.059, -0.1]]
 )
 
+#: Of quartz: Young's modulus [Pa], Poisson's ratio.
+YOUNG, POISSON = 95e9, 0.08
+
 SCENE = """
 title = "Sand, {test}"
 [sample]
 grains = "{grains}"
 [material]
 model = "{model}"
-E = "95 GPa"
-nu = 0.08
+E = "{young:g} GPa"
+nu = {poisson}
 rho = "2650 kg/m^3"
 {more}
 [contact]
@@ -66,13 +69,13 @@ ramp = 0.0005
 tolerance = 0.03
 largest_strain = 0.4
 [output]
-fields = 3
+fields = {fields}
 history = 1000
 [[stage]]
 name = "isotropic"
 zero = true
 xyz = {{ stress = "{stress} MPa", speed = "0.3 m/s" }}
-{before}
+{between}
 [[stage]]
 name = "test"
 {last}
@@ -171,14 +174,15 @@ def scene_of(name, grains, stress, given):
     last = {"triaxial": SHEAR, "oedometer": COMPRESSION, "reversal": REVERSAL}[name].format(
         speed=speed, largest=largest, back=0.8 * largest, strain=given.strain
     )
-    before = ""
+    between = ""
     if given.loosen:
-        before = LOOSENED.format(s=given.loosen, wide=2.5 * given.loosen, stress=stress)
+        between = LOOSENED.format(s=given.loosen, wide=2.5 * given.loosen, stress=stress)
     elif given.shear_before:
-        before = SHEARED.format(s=given.shear_before, stress=stress)
+        between = SHEARED.format(s=given.shear_before, stress=stress)
     return SCENE.format(
         test=name, grains=grains, model=given.model, more=more, friction=given.friction,
-        speed=speed, stress=stress, before=before, last=last,
+        speed=speed, stress=stress, between=between, last=last,
+        young=YOUNG / 1e9, poisson=POISSON, fields=9 if name == "reversal" else 3,
     )  # fmt: skip
 
 
@@ -205,38 +209,71 @@ def moduli(strain, stress):
 
 
 def at_contacts(history):
-    """Neighbours that press on a grain at the start and at the first stress told; resolution."""
-    first = history[history["stress_z"] > TOLD[0]].iloc[:1]
+    """Neighbours that press on a grain, and elements that resolve contacts, at the start."""
+    first = history.iloc[0]
     return {
-        "contacts": history["num_active_contacts"].iloc[0],
-        "contacts_then": first["num_active_contacts"].mean(),
-        "elements_per_radius_then": first["elements_per_radius"].mean(),
+        "contacts": first["num_active_contacts"],
+        "elements_per_radius": first["elements_per_radius"],
     }
 
 
+def springs(contacts, void_ratio, pressure):
+    """Constrained modulus [Pa] of rough balls that do not slide, by their contacts a ball.
+
+    Source: K. Walton, Journal of the Mechanics and Physics of Solids 35, 1987, 213-226.
+    """
+    modulus, r = YOUNG / (1 - POISSON**2), POISSON / (1 - POISSON)
+    density = contacts / (1 + void_ratio)
+    bulk = (3 * density**2 * modulus**2 * pressure / np.pi**2) ** (1 / 3) / 6
+    return bulk * (1 + 4 / 3 * 3 / 5 * (5 + r) / (2 + r))
+
+
+def small_strains_of_laboratory(void_ratio, pressure, uniformity=1.5):
+    """Constrained modulus [Pa] of quartz sand at small strains.
+
+    Source: T. Wichtmann, T. Triantafyllidis, Soil Dynamics and Earthquake Engineering 30, 2010,
+    757-766.
+    """
+    a, n = 2.16 * np.exp(-0.055 * uniformity), 0.344 * uniformity**0.126
+    factor = 3655 + 26.7 * uniformity**2.42
+    return factor * (a - void_ratio) ** 2 / (1 + void_ratio) * 1e5 * (pressure / 1e5) ** n
+
+
 def of_reversal(run):
-    """Moduli before a reversal, over a sixth of the stress, and after it, over a tenth [MPa]."""
-    rows = run.history[["stage", "strain_z", "stress_z"]]
-    there, back = (rows[rows["stage"] == name].to_numpy()[:, 1:].T.astype(float)
-                   for name in ("test", "back"))  # fmt: skip
-    top = back[1][0]
-    loading, unloading = there[:, there[1] > top / 1.2], back[:, back[1] > 0.9 * top]
+    """Moduli before a reversal, over a sixth of the stress, and after it, over a tenth [MPa].
+
+    Beside them those of springs, and of the laboratory at small strains and like void ratio.
+    """
+    rows, network = run.history, run.network()
+    strain, stress = rows["strain_z"].to_numpy(), rows["stress_z"].to_numpy()
+    test, back = (np.flatnonzero(rows["stage"] == name) for name in ("test", "back"))
+    top = rows.iloc[back[0]]
+    loading = test[(stress[test] > top["stress_z"] / 1.2) & (strain[test] < strain[back[0]])]
+    unloading = back[stress[back] > 0.9 * top["stress_z"]]
+    state = network.iloc[np.abs(network["time"] - top["time"]).argmin()]
+    grains = 2 * state["num_contacts"] / state["N_cA"]
+    contacts = state["N_cA"] + state["num_wall_contacts"] / grains
+    e, p = top["void_ratio"], top[["stress_x", "stress_y", "stress_z"]].astype(float).mean()
     return {
-        "loading": np.polyfit(*loading, 1)[0] / 1e6,
-        "unloading": np.polyfit(*unloading, 1)[0] / 1e6,
+        "void_ratio": e,
+        "loading": np.polyfit(strain[loading], stress[loading], 1)[0] / 1e6,
+        "unloading": np.polyfit(strain[unloading], stress[unloading], 1)[0] / 1e6,
+        "contacts": contacts,  # with walls, each a contact of its grain
+        "sliding": state["sliding"],
+        "springs": springs(contacts, e, p) / 1e6,
+        "small_strains_laboratory": small_strains_of_laboratory(e, p) / 1e6,
     }, None
 
 
-def of_compression(run):
+def of_compression(history):
     """Numbers of an oedometer test, by name, and its curves."""
-    history = run.history[run.history["stage"] == "test"]
     columns = ["strain_z", "stress_z", "void_ratio", "stress_x", "stress_y"]
     strain, stress, void_ratio, x, y = history[columns].to_numpy().T
     at, slopes = moduli(strain, stress)
     told = np.isfinite(slopes) & (slopes > 0)
     power = np.polyfit(np.log(at[told]), np.log(slopes[told]), 1)[0]
     k0 = (x + y) / 2 / stress
-    numbers = {"void_ratio": void_ratio[0], "power": power, **at_contacts(history)}
+    numbers = {"void_ratio": void_ratio[0], "power": power}
     for level in TOLD:
         near = (stress > level / 2**0.5) & (stress < level * 2**0.5)
         name = f"{level / 1e6:g}_MPa"
@@ -253,9 +290,8 @@ def means(strain, values, width):
     return grid, np.array([values[np.abs(strain - at) <= width / 2].mean() for at in grid])
 
 
-def of_shear(run):
+def of_shear(history):
     """Numbers of a triaxial test, by name, and its curves; contraction is positive."""
-    history = run.history[run.history["stage"] == "test"]
     columns = ["strain_x", "strain_y", "strain_z", "stress_x", "stress_y", "stress_z", "void_ratio"]
     ex, ey, ez, x, y, z, void_ratio = history[columns].to_numpy().T
     ratio = 3 * (z - (x + y) / 2) / (x + y + z)
@@ -339,7 +375,7 @@ def parsed(arguments=None):
     add("--count", type=int, default=80, help="number of grains")
     add("--edges", type=float, default=5.0, help="edges a diameter")
     add("--edges-at-contacts", type=float, default=28.0, help="the same there, oedometer")
-    add("--apart", type=float, default=0.02,
+    add("--apart", type=float, default=0.015,
         help="part of their distances by which grains are moved apart before a test")  # fmt: skip
     add("--friction", type=float, default=0.5, help="of the grains in the tests")
     add("--model", choices=["rigid", "elastic"], default="rigid", help="of the grains")
@@ -378,8 +414,12 @@ if __name__ == "__main__":
         folder = given.folder / f"{kind}-{friction:g}-seed-{seed}"
         pack(folder, friction, seed, not shear, given)
         run = test(folder, name, stress, given)
-        of = {"triaxial": of_shear, "oedometer": of_compression, "reversal": of_reversal}[name]
-        numbers, curve = of(run)
+        if name == "reversal":
+            numbers, curve = of_reversal(run)
+        else:
+            rows_of_test = run.history[run.history["stage"] == "test"]
+            numbers, curve = (of_shear if shear else of_compression)(rows_of_test)
+            numbers |= at_contacts(rows_of_test)
         head = {"packing_friction": friction, "seed": seed, "test": name, "start_MPa": stress}
         rows.append(head | {key: float(f"{value:.4g}") for key, value in numbers.items()})
         if curve:
