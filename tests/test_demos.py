@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 import mufe_fenicsx
-from mufe_fenicsx.materials import Elastic
+from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.planning.course import elastic_wave_speed
 from mufe_fenicsx.scene import load_scene
 from mufe_fenicsx.scene.shipped import shipped_mesh
