@@ -117,7 +117,7 @@ until = {{ stress_z = "{back} MPa" }}"""
 
 #: Stresses whose modulus and K0 are told [Pa]. A modulus is the slope over a factor of two.
 TOLD = (0.28e6, 0.5e6, 1e6, 2.7e6)
-#: Stress at which --reversal turns back [MPa].
+#: Stress after which --reversal slows down, rests and turns back [MPa].
 REVERSES_AT = 0.28
 
 
@@ -241,29 +241,35 @@ def small_strains_of_laboratory(void_ratio, pressure, uniformity=1.5):
     return factor * (a - void_ratio) ** 2 / (1 + void_ratio) * 1e5 * (pressure / 1e5) ** n
 
 
-def of_reversal(run):
-    """Moduli before a reversal, over a sixth of the stress, and after it, over a tenth [MPa].
+def slope(history, rows):
+    """Of axial stress over strain in some rows [MPa]."""
+    some = history.iloc[rows]
+    return np.polyfit(some["strain_z"], some["stress_z"], 1)[0] / 1e6
 
-    Beside them those of springs, and of the laboratory at small strains and like void ratio.
+
+def of_reversal(run):
+    """Moduli [MPa] from 0.20 to 0.35 MPa, and over a tenth and a fiftieth after a reversal.
+
+    Beside them those of springs with the contacts then, and of the laboratory at small strains.
     """
-    rows, network = run.history, run.network()
-    strain, stress = rows["strain_z"].to_numpy(), rows["stress_z"].to_numpy()
-    test, back = (np.flatnonzero(rows["stage"] == name) for name in ("test", "back"))
-    top = rows.iloc[back[0]]
-    loading = test[(stress[test] > top["stress_z"] / 1.2) & (strain[test] < strain[back[0]])]
-    unloading = back[stress[back] > 0.9 * top["stress_z"]]
-    state = network.iloc[np.abs(network["time"] - top["time"]).argmin()]
-    grains = 2 * state["num_contacts"] / state["N_cA"]
-    contacts = state["N_cA"] + state["num_wall_contacts"] / grains
-    e, p = top["void_ratio"], top[["stress_x", "stress_y", "stress_z"]].astype(float).mean()
+    history, network = run.history, run.network()
+    stress = history["stress_z"].to_numpy()
+    test, back = (np.flatnonzero(history["stage"] == name) for name in ("test", "back"))
+    top, side = history.iloc[back[0]], ["stress_x", "stress_y", "stress_z"]
+    there = history.iloc[test[np.argmax(stress[test] > 1e6 * REVERSES_AT)]]
+    state = network.iloc[(network["time"] - there["time"]).abs().argmin()]
+    contacts = state["N_cA"] * (1 + state["num_wall_contacts"] / (2 * state["num_contacts"]))
+    after = {part: back[stress[back] > part * top["stress_z"]] for part in (0.9, 0.98)}
+    moving = test[(stress[test] > 0.2e6) & (stress[test] < 0.35e6)]
     return {
-        "void_ratio": e,
-        "loading": np.polyfit(strain[loading], stress[loading], 1)[0] / 1e6,
-        "unloading": np.polyfit(strain[unloading], stress[unloading], 1)[0] / 1e6,
+        "void_ratio": there["void_ratio"],
+        "loading": slope(history, moving),
+        "unloading": slope(history, after[0.9]),
+        "unloading_at_first": slope(history, after[0.98]),
         "contacts": contacts,  # with walls, each a contact of its grain
         "sliding": state["sliding"],
-        "springs": springs(contacts, e, p) / 1e6,
-        "small_strains_laboratory": small_strains_of_laboratory(e, p) / 1e6,
+        "springs": springs(contacts, there["void_ratio"], there[side].mean()) / 1e6,
+        "laboratory": small_strains_of_laboratory(top["void_ratio"], top[side].mean()) / 1e6,
     }, None
 
 
@@ -392,7 +398,7 @@ def parsed(arguments=None):
     add("--speed", type=float, default=0.04, help="of walls, oedometer [m/s]")
     add("--shear-speed", type=float, default=0.1, help="of walls, triaxial test [m/s]")
     add("--reversal", action="store_true",
-        help=f"turn back the oedometer at {REVERSES_AT} MPa, alone")  # fmt: skip
+        help=f"turn back the oedometer after {REVERSES_AT} MPa, alone")  # fmt: skip
     before = parser.add_mutually_exclusive_group()
     before.add_argument("--loosen", type=float, default=0.0,
         help="strain of expansion, and of mixing, before a sample is pressed again")  # fmt: skip
