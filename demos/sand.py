@@ -5,11 +5,14 @@ Each sample is compressed in an oedometer, from two isotropic stresses, and shea
 side stress. Beside it stand numbers of Karlsruhe fine sand. Orders, ratios and powers may be
 compared, not values: shapes of its grains are not known, and a box of some tens of grains is small.
 
+Before an oedometer grains are parted, since those that overlap as packed touch with flats.
+
 Grains are rigid, since nothing asks for stress inside them. Their contacts have the stiffness
 of Hertz's law at one size; in the triaxial test they are softer, for longer time steps.
 
-    python demos/sand.py FOLDER --figure sand.png           half an hour of a processor
+    python demos/sand.py FOLDER --figure sand.png           hours of a processor
     python demos/sand.py FOLDER --seed 1 2 3                more packings of each density
+    python demos/sand.py FOLDER --reversal              stiffness at small strains, alone
 
 The same command goes on where it was stopped, and FOLDER/sand.csv has a row a test.
 """
@@ -75,31 +78,10 @@ history = 1000
 name = "isotropic"
 zero = true
 xyz = {{ stress = "{stress} MPa", speed = "0.3 m/s" }}
-{between}
 [[stage]]
 name = "test"
 {last}
 """
-#: Grains lose touch, are moved past each other, and are pressed again, as by Agnolin & Roux.
-LOOSENED = """[[stage]]
-name = "loosen"
-xyz = {{ strain = -{s}, speed = "0.3 m/s" }}
-[[stage]]
-name = "mix"
-xy = {{ strain = -{wide}, speed = "0.3 m/s" }}
-z = {{ strain = {s}, speed = "0.3 m/s" }}
-[[stage]]
-name = "isotropic again"
-zero = true
-xyz = {{ stress = "{stress} MPa", speed = "0.3 m/s" }}"""
-#: Sides stay at their stress.
-SHEARED = """[[stage]]
-name = "shear"
-z = {{ strain = {s}, speed = "0.3 m/s" }}
-[[stage]]
-name = "isotropic again"
-zero = true
-xyz = {{ stress = "{stress} MPa", speed = "0.3 m/s" }}"""
 COMPRESSION = """xy = {{ strain = 0.0 }}
 z = {{ speed = "{speed} m/s" }}
 until = {{ stress_z = "{largest} MPa", strain_z = 0.2 }}"""
@@ -150,13 +132,13 @@ def pack(folder, friction, seed, fine, given):
 def parted(folder, apart):
     """Name of a folder of the grains farther apart by a part of their distances.
 
-    Packed grains overlap by some 0.1 % of a diameter. Runs flatten meshes there, and a flat contact
-    is a stiff one from the first touch.
+    Packed grains overlap a little. Runs flatten meshes there, and a flat contact is a stiff one
+    from the first touch.
     """
     if not apart:
         return "grains"
     path = folder / f"grains-apart-{apart:g}"
-    if not path.is_dir():
+    if not (path / "grains.h5").is_file():
         grains = mufe.load_grains(folder / "grains")
         shift = apart * np.repeat(grains.centroids, np.diff(grains.node_offset), axis=0)
         moved = replace(grains, points=grains.points + shift, box=(1 + apart) * grains.box)
@@ -174,14 +156,9 @@ def scene_of(name, grains, stress, given):
     last = {"triaxial": SHEAR, "oedometer": COMPRESSION, "reversal": REVERSAL}[name].format(
         speed=speed, largest=largest, back=0.8 * largest, strain=given.strain
     )
-    between = ""
-    if given.loosen:
-        between = LOOSENED.format(s=given.loosen, wide=2.5 * given.loosen, stress=stress)
-    elif given.shear_before:
-        between = SHEARED.format(s=given.shear_before, stress=stress)
     return SCENE.format(
         test=name, grains=grains, model=given.model, more=more, friction=given.friction,
-        speed=speed, stress=stress, between=between, last=last,
+        speed=speed, stress=stress, last=last,
         young=YOUNG / 1e9, poisson=POISSON, fields=9 if name == "reversal" else 3,
     )  # fmt: skip
 
@@ -399,11 +376,6 @@ def parsed(arguments=None):
     add("--shear-speed", type=float, default=0.1, help="of walls, triaxial test [m/s]")
     add("--reversal", action="store_true",
         help=f"turn back the oedometer after {REVERSES_AT} MPa, alone")  # fmt: skip
-    before = parser.add_mutually_exclusive_group()
-    before.add_argument("--loosen", type=float, default=0.0,
-        help="strain of expansion, and of mixing, before a sample is pressed again")  # fmt: skip
-    before.add_argument("--shear-before", type=float, default=0.0,
-        help="axial strain of a triaxial stage before the test")  # fmt: skip
     add("--figure", help="file that a figure is saved to")
     return parser.parse_args(arguments)
 
