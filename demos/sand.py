@@ -5,11 +5,14 @@ Each sample is compressed in an oedometer, from two isotropic stresses, and shea
 side stress. Beside it stand numbers of Karlsruhe fine sand. Orders, ratios and powers may be
 compared, not values: shapes of its grains are not known, and a box of some tens of grains is small.
 
+Before an oedometer grains are parted, since those that overlap as packed touch with flats.
+
 Grains are rigid, since nothing asks for stress inside them. Their contacts have the stiffness
 of Hertz's law at one size; in the triaxial test they are softer, for longer time steps.
 
-    python demos/sand.py FOLDER --figure sand.png           half an hour of a processor
+    python demos/sand.py FOLDER --figure sand.png           hours of a processor
     python demos/sand.py FOLDER --seed 1 2 3                more packings of each density
+    python demos/sand.py FOLDER --reversal              stiffness at small strains, alone
 
 The same command goes on where it was stopped, and FOLDER/sand.csv has a row a test.
 """
@@ -19,6 +22,7 @@ import csv
 import itertools
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mufe_fenicsx as mufe  # first: one BLAS thread, the wheel's MPI
@@ -44,14 +48,17 @@ TRIAXIAL = np.array(
     [[1.0, 1.36, 0.22, 0.004], [0.86, 1.52, 0.14, -0.047], [0.71, 1.73, 0.059, -0.1]]
 )
 
+#: Of quartz: Young's modulus [Pa], Poisson's ratio.
+YOUNG, POISSON = 95e9, 0.08
+
 SCENE = """
 title = "Sand, {test}"
 [sample]
-grains = "grains"
+grains = "{grains}"
 [material]
 model = "{model}"
-E = "95 GPa"
-nu = 0.08
+E = "{young:g} GPa"
+nu = {poisson}
 rho = "2650 kg/m^3"
 {more}
 [contact]
@@ -65,7 +72,7 @@ ramp = 0.0005
 tolerance = 0.03
 largest_strain = 0.4
 [output]
-fields = 3
+fields = {fields}
 history = 1000
 [[stage]]
 name = "isotropic"
@@ -79,9 +86,21 @@ COMPRESSION = """xy = {{ strain = 0.0 }}
 z = {{ speed = "{speed} m/s" }}
 until = {{ stress_z = "{largest} MPa", strain_z = 0.2 }}"""
 SHEAR = "z = {{ strain = {strain} }}"
+#: Of the oedometer to a stress, and back by a fifth.
+REVERSAL = """xy = {{ strain = 0.0 }}
+z = {{ speed = "{speed} m/s" }}
+until = {{ stress_z = "{largest} MPa" }}
+hold = "10 us"
+[[stage]]
+name = "back"
+xy = {{ strain = 0.0 }}
+z = {{ speed = "-{speed} m/s" }}
+until = {{ stress_z = "{back} MPa" }}"""
 
 #: Stresses whose modulus and K0 are told [Pa]. A modulus is the slope over a factor of two.
 TOLD = (0.28e6, 0.5e6, 1e6, 2.7e6)
+#: Stress after which --reversal slows down, rests and turns back [MPa].
+REVERSES_AT = 0.28
 
 
 def call(*words):
@@ -91,35 +110,70 @@ def call(*words):
         sys.exit(done.returncode)
 
 
+def keep(path, text, made):
+    """Write what something is made of, unless it was made of something else before."""
+    if made.exists() and path.is_file() and path.read_text(encoding="utf-8") != text:
+        sys.exit(f"{made} was made with other options, expected another FOLDER for these")
+    path.write_text(text, encoding="utf-8")
+
+
 def pack(folder, friction, seed, fine, given):
     """Pack and mesh grains, fine at contacts if it is wanted, unless it is done."""
-    if not (folder / "grains").is_dir():
-        size = ["--contact-size", f"{140 / given.edges_at_contacts} um"] if fine else []
-        call("pack", "--count", given.count, "--d50", "140 um", "--uniformity", 1.5,
+    size = ["--contact-size", f"{140 / given.edges_at_contacts} um"] if fine else []
+    words = ["pack", "--count", given.count, "--d50", "140 um", "--uniformity", 1.5,
              "--friction", friction, "--seed", seed, "--element-size", f"{140 / given.edges} um",
-             *size, "-o", folder, "--overwrite")  # fmt: skip
+             *size, "-o", folder]  # fmt: skip
+    grains = folder / "grains"
+    if not grains.is_dir():
+        call(*words, "--overwrite")
+    keep(folder / "packed.txt", " ".join(map(str, words[:-2])), grains)
 
 
-def test(folder, name, stress, given):
-    """Run a test from an isotropic stress [MPa], or go on with it; returns its second stage."""
+def parted(folder, apart):
+    """Name of a folder of the grains farther apart by a part of their distances.
+
+    Packed grains overlap a little. Runs flatten meshes there, and a flat contact is a stiff one
+    from the first touch.
+    """
+    if not apart:
+        return "grains"
+    path = folder / f"grains-apart-{apart:g}"
+    if not (path / "grains.h5").is_file():
+        grains = mufe.load_grains(folder / "grains")
+        shift = apart * np.repeat(grains.centroids, np.diff(grains.node_offset), axis=0)
+        moved = replace(grains, points=grains.points + shift, box=(1 + apart) * grains.box)
+        mufe.save_grains(path, moved)
+    return path.name
+
+
+def scene_of(name, grains, stress, given):
+    """The scene of a test from an isotropic stress [MPa]."""
     shear = name == "triaxial"
     speed = given.shear_speed if shear else given.speed
     size = given.soft_contact if shear else given.contact
     more = f"contact_radius = {size}" if given.model == "rigid" else "[mass_scaling]\nadded = 0.2"
-    last = (SHEAR if shear else COMPRESSION).format(
-        speed=speed, largest=given.largest, strain=given.strain
+    largest = REVERSES_AT if name == "reversal" else given.largest
+    last = {"triaxial": SHEAR, "oedometer": COMPRESSION, "reversal": REVERSAL}[name].format(
+        speed=speed, largest=largest, back=0.8 * largest, strain=given.strain
     )
-    text = SCENE.format(
-        test=name, model=given.model, more=more, friction=given.friction, speed=speed,
-        stress=stress, last=last,
+    return SCENE.format(
+        test=name, grains=grains, model=given.model, more=more, friction=given.friction,
+        speed=speed, stress=stress, last=last,
+        young=YOUNG / 1e9, poisson=POISSON, fields=9 if name == "reversal" else 3,
     )  # fmt: skip
+
+
+def test(folder, name, stress, given):
+    """Run a test from an isotropic stress [MPa], or go on with it; returns the run."""
+    # Shear moves grains past what was flat, and its contacts are soft.
+    grains = parted(folder, 0.0 if name == "triaxial" else given.apart)
+    text = scene_of(name, grains, stress, given)
     name = f"{name}-{stress:g}-MPa"
     scene, run = folder / f"{name}.toml", folder / name
-    scene.write_text(text, encoding="utf-8")
+    keep(scene, text, run)
     if not (run.is_dir() and mufe.open_run(run).finished):
         call("run", scene, "-o", run, *(["--resume"] if (run / "checkpoints").is_dir() else []))
-    history = mufe.open_run(run).history
-    return history[history["stage"] == "test"]
+    return mufe.open_run(run)
 
 
 def moduli(strain, stress):
@@ -131,6 +185,69 @@ def moduli(strain, stress):
         if near.sum() > 2:
             slopes[i] = np.polyfit(strain[near], stress[near], 1)[0]
     return at, slopes
+
+
+def at_contacts(history):
+    """Neighbours that press on a grain, and elements that resolve contacts, at the start."""
+    first = history.iloc[0]
+    return {
+        "contacts": first["num_active_contacts"],
+        "elements_per_radius": first["elements_per_radius"],
+    }
+
+
+def springs(contacts, void_ratio, pressure):
+    """Constrained modulus [Pa] of rough balls that do not slide, by their contacts a ball.
+
+    Source: K. Walton, Journal of the Mechanics and Physics of Solids 35, 1987, 213-226.
+    """
+    modulus, r = YOUNG / (1 - POISSON**2), POISSON / (1 - POISSON)
+    density = contacts / (1 + void_ratio)
+    bulk = (3 * density**2 * modulus**2 * pressure / np.pi**2) ** (1 / 3) / 6
+    return bulk * (1 + 4 / 3 * 3 / 5 * (5 + r) / (2 + r))
+
+
+def small_strains_of_laboratory(void_ratio, pressure, uniformity=1.5):
+    """Constrained modulus [Pa] of quartz sand at small strains.
+
+    Source: T. Wichtmann, T. Triantafyllidis, Soil Dynamics and Earthquake Engineering 30, 2010,
+    757-766.
+    """
+    a, n = 2.16 * np.exp(-0.055 * uniformity), 0.344 * uniformity**0.126
+    factor = 3655 + 26.7 * uniformity**2.42
+    return factor * (a - void_ratio) ** 2 / (1 + void_ratio) * 1e5 * (pressure / 1e5) ** n
+
+
+def slope(history, rows):
+    """Of axial stress over strain in some rows [MPa]."""
+    some = history.iloc[rows]
+    return np.polyfit(some["strain_z"], some["stress_z"], 1)[0] / 1e6
+
+
+def of_reversal(run):
+    """Moduli [MPa] from 0.20 to 0.35 MPa, and over a tenth and a fiftieth after a reversal.
+
+    Beside them those of springs with the contacts then, and of the laboratory at small strains.
+    """
+    history, network = run.history, run.network()
+    stress = history["stress_z"].to_numpy()
+    test, back = (np.flatnonzero(history["stage"] == name) for name in ("test", "back"))
+    top, side = history.iloc[back[0]], ["stress_x", "stress_y", "stress_z"]
+    there = history.iloc[test[np.argmax(stress[test] > 1e6 * REVERSES_AT)]]
+    state = network.iloc[(network["time"] - there["time"]).abs().argmin()]
+    contacts = state["N_cA"] * (1 + state["num_wall_contacts"] / (2 * state["num_contacts"]))
+    after = {part: back[stress[back] > part * top["stress_z"]] for part in (0.9, 0.98)}
+    moving = test[(stress[test] > 0.2e6) & (stress[test] < 0.35e6)]
+    return {
+        "void_ratio": there["void_ratio"],
+        "loading": slope(history, moving),
+        "unloading": slope(history, after[0.9]),
+        "unloading_at_first": slope(history, after[0.98]),
+        "contacts": contacts,  # with walls, each a contact of its grain
+        "sliding": state["sliding"],
+        "springs": springs(contacts, there["void_ratio"], there[side].mean()) / 1e6,
+        "laboratory": small_strains_of_laboratory(top["void_ratio"], top[side].mean()) / 1e6,
+    }, None
 
 
 def of_compression(history):
@@ -243,6 +360,8 @@ def parsed(arguments=None):
     add("--count", type=int, default=80, help="number of grains")
     add("--edges", type=float, default=5.0, help="edges a diameter")
     add("--edges-at-contacts", type=float, default=28.0, help="the same there, oedometer")
+    add("--apart", type=float, default=0.015,
+        help="part of their distances by which grains are parted before an oedometer")  # fmt: skip
     add("--friction", type=float, default=0.5, help="of the grains in the tests")
     add("--model", choices=["rigid", "elastic"], default="rigid", help="of the grains")
     add("--contact", type=float, default=0.05,
@@ -255,6 +374,8 @@ def parsed(arguments=None):
     add("--strain", type=float, default=0.2, help="of the triaxial test")
     add("--speed", type=float, default=0.04, help="of walls, oedometer [m/s]")
     add("--shear-speed", type=float, default=0.1, help="of walls, triaxial test [m/s]")
+    add("--reversal", action="store_true",
+        help=f"turn back the oedometer after {REVERSES_AT} MPa, alone")  # fmt: skip
     add("--figure", help="file that a figure is saved to")
     return parser.parse_args(arguments)
 
@@ -262,16 +383,27 @@ def parsed(arguments=None):
 if __name__ == "__main__":
     given = parsed()
     curves, rows = {}, []
-    tests = [("oedometer", s) for s in given.start] + [("triaxial", s) for s in given.pressure]
+    kinds = [("oedometer", given.start), ("triaxial", given.pressure)]
+    if given.reversal:
+        kinds = [("reversal", given.start)]
+    tests = [(name, stress) for name, stresses in kinds for stress in stresses]
     samples = itertools.product(tests, given.packing_friction, given.seed)
     for (name, stress), friction, seed in samples:
-        folder = given.folder / f"{name}-{friction:g}-seed-{seed}"
         shear = name == "triaxial"  # grains move far, and contacts with them
+        kind = "triaxial" if shear else "oedometer"
+        folder = given.folder / f"{kind}-{friction:g}-seed-{seed}"
         pack(folder, friction, seed, not shear, given)
-        numbers, curve = (of_shear if shear else of_compression)(test(folder, name, stress, given))
+        run = test(folder, name, stress, given)
+        if name == "reversal":
+            numbers, curve = of_reversal(run)
+        else:
+            rows_of_test = run.history[run.history["stage"] == "test"]
+            numbers, curve = (of_shear if shear else of_compression)(rows_of_test)
+            numbers |= at_contacts(rows_of_test)
         head = {"packing_friction": friction, "seed": seed, "test": name, "start_MPa": stress}
         rows.append(head | {key: float(f"{value:.4g}") for key, value in numbers.items()})
-        curves[friction, seed, name, stress] = curve
+        if curve:
+            curves[friction, seed, name, stress] = curve
         print(" ".join(f"{key}={value}" for key, value in rows[-1].items()), flush=True)
     print("laboratory, powers of stress:", *np.round(powers_of_laboratory(), 2))
     with open(given.folder / "sand.csv", "w", newline="", encoding="utf-8") as table:

@@ -1,5 +1,6 @@
 """Demos start, and those that carry code of a user's own do what they say."""
 
+import dataclasses
 import importlib.util
 import runpy
 import subprocess
@@ -11,7 +12,11 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+import mufe_fenicsx
+from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.planning.course import elastic_wave_speed
 from mufe_fenicsx.scene import load_scene
+from mufe_fenicsx.scene.shipped import shipped_mesh
 from tests.made_up_run import write_whole_run
 
 DEMOS = Path(__file__).resolve().parents[1] / "demos"
@@ -182,6 +187,14 @@ def test_shapes_of_sand():
     assert numbers["dilation"] == pytest.approx(0.5, rel=1e-9)
 
 
+def test_springs_of_sand():
+    """Six contacts a ball of 0.6 solid are those by which waves of plans are judged."""
+    demo = import_demo("sand")
+    quartz = Elastic(E=demo.YOUNG, nu=demo.POISSON, rho=2650.0)
+    square = elastic_wave_speed(quartz, 2e5) ** 2
+    assert demo.springs(6, 1 / 0.6 - 1, 2e5) == pytest.approx(0.6 * 2650 * square, rel=1e-9)
+
+
 def test_powers_of_the_laboratory_of_sand(monkeypatch):
     """Void ratios that fall as stress to the power 0.3 give a modulus of power 0.7."""
     demo = import_demo("sand")
@@ -202,3 +215,21 @@ def test_sand_from_packing_to_table(tmp_path, demo):
     assert table.count("\n") == 3  # a head and two tests
     demo("sand", tmp_path, *words)
     assert (tmp_path / "sand.csv").read_text() == table
+
+
+def test_sand_takes_no_results_of_other_options(tmp_path):
+    """Neither packings nor runs; grains that are moved apart keep their shapes."""
+    sand = import_demo("sand")
+    scene, run = tmp_path / "test.toml", tmp_path / "test"
+    sand.keep(scene, "friction = 0.5", run)
+    sand.keep(scene, "friction = 0.2", run)  # nothing was run yet
+    run.mkdir()
+    sand.keep(scene, "friction = 0.2", run)
+    with pytest.raises(SystemExit, match="other options"):
+        sand.keep(scene, "friction = 0.5", run)
+    grains = mufe_fenicsx.load_grains(shipped_mesh("meshes:twelve_grains", "SOURCE"))
+    boxed = dataclasses.replace(grains, box=np.array([[0.0] * 3, [1e-3] * 3]))
+    mufe_fenicsx.save_grains(tmp_path / "grains", boxed)
+    moved = mufe_fenicsx.load_grains(tmp_path / sand.parted(tmp_path, 0.015))
+    assert np.allclose(moved.volumes, grains.volumes, rtol=1e-9)
+    assert np.allclose(moved.centroids, 1.015 * grains.centroids, rtol=1e-9)
