@@ -20,7 +20,8 @@ a given speed grows by 1 + a_g.
 Two bounds hold at all times: added mass over the mass of all grains, and that of each grain over
 its own, or over that of a mean grain if it is lighter. For a shaving, which the border of an image
 cuts off, bears forces like its neighbours: what its inertia adds is measured by theirs. t is the
-longest step that meets both, or the one asked for if that is shorter.
+longest step that meets both, or the one asked for if that is shorter. A grain that breaks into small
+pieces has no bound of its own, unless one is stated: else the first one would keep all steps short.
 
 Where grains break, springs of cracks shorten the step to a fourth. What was added before for a
 longer one would be of no use then: nothing is added at the start, t is the step of the worst
@@ -74,7 +75,10 @@ class MassScaling(Stateful):
     def __init__(self, solid, settings, hold=False):
         self.solid, self.mesh, self.settings, self.hold = solid, solid.mesh, settings, hold
         self.comm = solid.mesh.comm
-        mesh = self.mesh
+        mesh, most = self.mesh, settings.added_to_grain
+        if most is None:
+            most = math.inf if hold else min(10.0 * settings.added, 1.0)
+        self._most_of_grain = most
         self.first_mass = solid.mass.copy()  #: of the nodes, without additions [kg]
         self._rho = rho = np.array([material.rho for material in solid.materials])
         grain_mass = rho * self._of_grains(solid.volume0)
@@ -164,7 +168,7 @@ class MassScaling(Stateful):
 
         def allowed(step):
             share, largest = self._shares(*at(step))
-            return share <= most and largest <= s.added_to_grain
+            return share <= most and largest <= self._most_of_grain
 
         if not allowed(high):
             while high > (1.0 + RESOLVED) * low:
