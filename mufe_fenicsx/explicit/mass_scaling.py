@@ -75,10 +75,7 @@ class MassScaling(Stateful):
     def __init__(self, solid, settings, hold=False):
         self.solid, self.mesh, self.settings, self.hold = solid, solid.mesh, settings, hold
         self.comm = solid.mesh.comm
-        mesh, most = self.mesh, settings.added_to_grain
-        if most is None:
-            most = math.inf if hold else min(10.0 * settings.added, 1.0)
-        self._most_of_grain = most
+        mesh = self.mesh
         self.first_mass = solid.mass.copy()  #: of the nodes, without additions [kg]
         self._rho = rho = np.array([material.rho for material in solid.materials])
         grain_mass = rho * self._of_grains(solid.volume0)
@@ -112,6 +109,12 @@ class MassScaling(Stateful):
     def _of_grains(self, values):
         return np.add.reduceat(values, self.mesh.cell_offset[:-1])
 
+    def _most_of_a_grain(self):
+        """Bound of the share of each grain."""
+        if self.settings.added_to_grain is not None:
+            return self.settings.added_to_grain
+        return math.inf if self.hold else min(10.0 * self.settings.added, 1.0)
+
     def shares(self):
         """Added mass over that of all grains, and the largest share of a grain, as of its bound."""
         return self._shares(self.added, self.added_to_node)
@@ -143,7 +146,7 @@ class MassScaling(Stateful):
         high = self.comm.allreduce(float(own.max(initial=0.0)), op=MPI.MAX)
         if s.time_step is not None:
             high = min(high, s.time_step)
-        most = s.added
+        most, most_of_a_grain = s.added, self._most_of_a_grain()
         if self.hold:
             if not self.wanted:
                 self.wanted = worst if s.time_step is None else s.time_step
@@ -168,7 +171,7 @@ class MassScaling(Stateful):
 
         def allowed(step):
             share, largest = self._shares(*at(step))
-            return share <= most and largest <= self._most_of_grain
+            return share <= most and largest <= most_of_a_grain
 
         if not allowed(high):
             while high > (1.0 + RESOLVED) * low:
