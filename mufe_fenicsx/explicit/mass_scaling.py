@@ -20,7 +20,8 @@ a given speed grows by 1 + a_g.
 Two bounds hold at all times: added mass over the mass of all grains, and that of each grain over
 its own, or over that of a mean grain if it is lighter. For a shaving, which the border of an image
 cuts off, bears forces like its neighbours: what its inertia adds is measured by theirs. t is the
-longest step that meets both, or the one asked for if that is shorter.
+longest step that meets both, or the one asked for if that is shorter. A grain that breaks into small
+pieces has no bound of its own, unless one is stated: else the first one would keep all steps short.
 
 Where grains break, springs of cracks shorten the step to a fourth. What was added before for a
 longer one would be of no use then: nothing is added at the start, t is the step of the worst
@@ -108,6 +109,12 @@ class MassScaling(Stateful):
     def _of_grains(self, values):
         return np.add.reduceat(values, self.mesh.cell_offset[:-1])
 
+    def _most_of_a_grain(self):
+        """Bound of the share of each grain."""
+        if self.settings.added_to_grain is not None:
+            return self.settings.added_to_grain
+        return math.inf if self.hold else min(10.0 * self.settings.added, 1.0)
+
     def shares(self):
         """Added mass over that of all grains, and the largest share of a grain, as of its bound."""
         return self._shares(self.added, self.added_to_node)
@@ -139,7 +146,7 @@ class MassScaling(Stateful):
         high = self.comm.allreduce(float(own.max(initial=0.0)), op=MPI.MAX)
         if s.time_step is not None:
             high = min(high, s.time_step)
-        most = s.added
+        most, most_of_a_grain = s.added, self._most_of_a_grain()
         if self.hold:
             if not self.wanted:
                 self.wanted = worst if s.time_step is None else s.time_step
@@ -164,7 +171,7 @@ class MassScaling(Stateful):
 
         def allowed(step):
             share, largest = self._shares(*at(step))
-            return share <= most and largest <= s.added_to_grain
+            return share <= most and largest <= most_of_a_grain
 
         if not allowed(high):
             while high > (1.0 + RESOLVED) * low:

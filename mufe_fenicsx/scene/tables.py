@@ -292,8 +292,10 @@ class MassScaling:
         REQUIRED, "-", "most that may be added to all grains, over their mass", gt=0, le=1
     )
     added_to_grain: float | None = setting(
-        None, "-", "most added to one, over its mass or a mean grain's; None: ten times added",
-        gt=0, le=1,
+        None, "-",
+        "most added to one, over its mass or a mean grain's; None: ten times added, 1 at most, and "
+        "no bound with [fracture]",
+        gt=0,
     )  # fmt: skip
     time_step: float | None = setting(
         None, "s",
@@ -303,8 +305,6 @@ class MassScaling:
 
     def __post_init__(self):
         check_keys(self)
-        if self.added_to_grain is None:
-            object.__setattr__(self, "added_to_grain", min(10 * self.added, 1.0))
 
 
 @dataclass(frozen=True)
