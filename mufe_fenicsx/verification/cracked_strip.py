@@ -13,12 +13,13 @@ from .case import case, compare
 
 E, RHO, EDGE, STRENGTH = 100e9, 2650.0, 0.1e-3, 100e6
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
-#: Over the strip's height: length of the first crack, and of the whole. Way that is a run [bricks].
-NOTCH, LENGTH, RUNS = 0.6, 2.0, 4.0
+#: Over the strip's height: length of the first crack, and of the whole. Way that is a run [bricks]:
+#: over 4 bricks what the crack takes is by chance 0.87 to 1 of its energy, over 16 it is the same.
+NOTCH, LENGTH, RUNS = 0.6, 2.0, 16.0
 
 
 @case("cracked-strip", num_bodies=1)
-def cracked_strip(comm, height=40, zone=8.0, passes=80.0, damping=0.3, shear_ratio=2.0):
+def cracked_strip(comm, height=40, zone=8.0, passes=160.0, damping=0.3, shear_ratio=2.0):
     """A crack in a strip runs when the energy of the strip ahead of it is that of its surface.
 
     The long edges of the strip are glued to platens. Far ahead of the crack it is strained alike,
@@ -31,7 +32,8 @@ def cracked_strip(comm, height=40, zone=8.0, passes=80.0, damping=0.3, shear_rat
         comm: MPI communicator.
         height: Bricks across the strip, even.
         zone: Cohesive zone E G/σ² in bricks: a third of the height would break the whole strip.
-        passes: Time of the pull in which waves cross the strip so many times.
+        passes: Time of the pull in which waves cross the strip so many times. While the crack runs
+            the pull goes on: half of them cost 2 % more.
         damping: Of all motion, in passes of a wave through the strip.
         shear_ratio: β.
     """

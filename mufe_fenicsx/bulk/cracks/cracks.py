@@ -41,8 +41,8 @@ STEPS_BETWEEN_WATCHES = 4
 #: bear more than means of cells tell. They soften where their points reach the strength.
 BESIDE = 0.55
 #: Steps from one growth to the next of facets that only those beside them let open, and the least
-#: of stable steps of single elements. At thrice the time a crack takes 15 % less energy than its
-#: own (`mufe verify cracked-strip`).
+#: of stable steps of single elements. At twice the time a crack takes 11 % less energy than its own
+#: (`mufe verify cracked-strip`).
 STEPS_BETWEEN_GROWTHS, LEAST_BETWEEN_GROWTHS = 32, 12
 #: Steps from one look for pieces that come loose to the next.
 STEPS_BETWEEN_PIECES = 40
