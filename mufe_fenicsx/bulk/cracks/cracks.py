@@ -243,13 +243,13 @@ class Cracks(ForceTerm):
     def energy(self, state):
         """Stored and lost in open facets [J]. Local."""
         total = float(self._forces.energies(state.x).sum())
-        return total if self.constraint is None else total + float(self.constraint.bodies.lost.sum())
+        return total if self.constraint is None else total + self.constraint.energy(state)
 
     def parts_of_energy(self, state):
         """What of that is stored, and where the rest went [J], by name. Local."""
         parts = dict(zip(ENERGIES, self._forces.energies(state.x), strict=True))
         if self.constraint is not None:
-            parts["dust"] = self.constraint.bodies.lost.sum()
+            parts["dust"] = self.constraint.energy(state)
         return parts
 
     def springs(self, state, margin):

@@ -75,7 +75,7 @@ class Dust(Constraint):
         whole = np.empty(0, dtype=np.int64)
         self.bodies = Bodies(whole, whole, np.empty(0), *(np.empty((0, *row)) for row in ROWS))
         self._carry(np.empty(0), np.empty((0, 3)))
-        self._counted = 0.0  # Σ m v² of the nodes in the middle of the step [J]
+        self._counted = 0.0  # Σ m v² of the nodes in the step [J]
 
     # --- which bodies there are -----------------------------------------------------------
 
@@ -180,7 +180,7 @@ class Dust(Constraint):
     # --- stepping -------------------------------------------------------------------------
 
     def drift(self, state, dt, damping, moves, field):
-        """As of the constraint; nodes have the velocity of the middle of the step. Local."""
+        """As of the constraint; nodes have their mean velocity of the step. Local."""
         b, c = self.bodies, self.carried
         if not b.mass.size:
             return 0.0
@@ -192,11 +192,11 @@ class Dust(Constraint):
         kernels.place_nodes(
             state.x, state.u, self.mesh.x, c.nodes, c.offset, c.place, b.centre, b.axes
         )
-        kernels.set_spins(b.spin, b.momentum, b.axes, b.inertia)
-        self.complete(state)
+        # Strain is that of the motion from place to place: of a turn by its chords there is none.
         velocity = (state.x[c.nodes] - before) / dt
+        state.v[c.nodes] = velocity
         largest_of_glued(moves, state.x, velocity, c.nodes, self.mesh.grain_of_node, field, dt)
-        self._counted = b.mass @ (b.velocity**2).sum(axis=1) + np.sum(b.spin * b.momentum)
+        self._counted = float(c.mass @ (velocity**2).sum(axis=1))
         return moved
 
     def _places(self):
@@ -223,15 +223,17 @@ class Dust(Constraint):
     def complete(self, state):
         """Velocities of all nodes by those of the bodies. Local."""
         b, c = self.bodies, self.carried
-        kernels.node_velocities(
-            state.v, state.x, c.nodes, c.offset, b.centre, b.velocity, b.spin
-        )
+        kernels.node_velocities(state.v, state.x, c.nodes, c.offset, b.centre, b.velocity, b.spin)
 
     def kinetic_energy(self, dt, damping):
         """That of the bodies less what their nodes have by their velocities [J]. Local."""
         b, told = self.bodies, self.carried.told
         of_nodes = (1.0 + (0.5 * dt * damping) ** 2) * _kinetic_energies(b, told, 0.0, 0.0)
         return float((_kinetic_energies(b, told, dt, damping) - of_nodes).sum())
+
+    def energy(self, state):
+        """What is lost, or held for good, since pieces became rigid [J]. Local."""
+        return float(self.bodies.lost.sum())
 
     def take_masses(self, mass):
         """Bodies whose nodes have other masses now move as they did. Local."""
