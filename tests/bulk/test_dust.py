@@ -48,7 +48,7 @@ def moments(s, nodes=slice(None)):
 
 
 def off_corner(middle):
-    """Facets that part the two tetrahedra of an edge of a cube of bricks from the rest, and them."""
+    """Facets that part the tetrahedra at an edge of a cube of bricks from the rest."""
     near = (middle / EDGE < [0.6, 0.6, 1.0]).all(axis=2)
     return near[:, 0] != near[:, 1]
 
@@ -156,8 +156,6 @@ def test_a_tetrahedron_that_spins_freely_keeps_energy_momentum_and_shape(damping
     fade = np.exp(-damping * (s.state.t - t))
     assert fade == 1.0 if damping == 0.0 else fade < 0.9
     assert moments(s)[:3] == pytest.approx(L[:3] * fade, rel=1e-5 if damping else 1e-12)
-    spins = np.concatenate([bodies.momentum])
-    assert np.isfinite(spins).all()
     x = s.state.x
     after = np.linalg.norm(
         x[cells[:, [0, 0, 0, 1, 1, 2]]] - x[cells[:, [1, 2, 3, 2, 3, 3]]], axis=2
@@ -272,10 +270,9 @@ def test_dust_goes_on_to_the_last_bit_as_the_mesh_grows(monkeypatch):
     s, cracks = bursting()
     until(s, 800)
     assert len(joined) > 3
-    sizes = np.bincount(cracks.constraint.of_cell[cracks.constraint.of_cell >= 0])
-    assert set(sizes) == {1, 2, 3, 4} or set(sizes) >= {1, 2}
-    energies = s.energies()
-    assert energies["cracks_dust"] > 0.0
+    of_cell = cracks.constraint.of_cell
+    assert set(np.bincount(of_cell[of_cell >= 0])) >= {1, 2}
+    assert s.energies()["cracks_dust"] > 0.0
 
 
 def test_resume_gives_the_same_bits(tmp_path):
@@ -330,7 +327,7 @@ def test_added_mass_leaves_the_motion_as_it_is():
     s.limit.take_masses()
     dust.complete(s.state)
     assert s.state.v == pytest.approx(v, abs=1e-13 * np.abs(v).max())
-    assert dust._places() == pytest.approx(x[of_dust], abs=1e-14 * EDGE)
+    assert dust.carried.at == pytest.approx(x[of_dust], abs=1e-14 * EDGE)
     b, c = dust.bodies, dust.carried
     p = np.zeros((b.mass.size, 6))
     r = x[of_dust] - b.centre[c.body]

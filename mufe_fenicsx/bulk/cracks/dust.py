@@ -6,7 +6,7 @@ import numpy as np
 
 from ...kernels.bulk import rigid as kernels
 from ...kernels.bulk.energy import kinetic_energy
-from ...kernels.bulk.glued import largest_of_glued
+from ...kernels.bulk.glued import largest_of_glued, squares_of_glued
 from ...state import Constraint
 from ..mass_properties import point_properties, quaternion_of
 
@@ -44,6 +44,8 @@ class Carried(NamedTuple):
     place: np.ndarray  #: in the principal axes [m], shape (n, 3)
     reach: np.ndarray  #: of the farthest one of each body [m], shape (num_bodies,)
     told: np.ndarray  #: False, shape (num_bodies, 6)
+    at: np.ndarray  #: their positions [m], shape (n, 3)
+    velocity: np.ndarray  #: mean ones in the last step [m/s], shape (n, 3)
 
     @property
     def body(self):
@@ -75,7 +77,6 @@ class Dust(Constraint):
         whole = np.empty(0, dtype=np.int64)
         self.bodies = Bodies(whole, whole, np.empty(0), *(np.empty((0, *row)) for row in ROWS))
         self._carry(np.empty(0), np.empty((0, 3)))
-        self._counted = 0.0  # Σ m v² of the nodes in the step [J]
 
     # --- which bodies there are -----------------------------------------------------------
 
@@ -92,7 +93,9 @@ class Dust(Constraint):
         if key.size:
             reach = np.maximum.reduceat(distance, offset[:-1])
         told = np.zeros((key.size, 6), dtype=bool)
-        self.carried = Carried(nodes, offset, mass, place, reach, told)
+        at, velocity = np.zeros((2, *place.shape))
+        kernels.places_of(at, offset, place, self.bodies.centre, self.bodies.axes)
+        self.carried = Carried(nodes, offset, mass, place, reach, told, at, velocity)
 
     def _pieces(self):
         """A number for the grain and the piece of each cell, and those of a grain at most."""
@@ -184,25 +187,17 @@ class Dust(Constraint):
         b, c = self.bodies, self.carried
         if not b.mass.size:
             return 0.0
-        before = self._places()
         moved = kernels.kick_and_drift(
             b.centre, b.velocity, b.momentum, b.turn, b.axes, b.force, b.torque, b.mass, b.inertia,
             c.told, c.reach, dt, damping,
         )  # fmt: skip
-        kernels.place_nodes(
-            state.x, state.u, self.mesh.x, c.nodes, c.offset, c.place, b.centre, b.axes
-        )
         # Strain is that of the motion from place to place: of a turn by its chords there is none.
-        velocity = (state.x[c.nodes] - before) / dt
-        state.v[c.nodes] = velocity
-        largest_of_glued(moves, state.x, velocity, c.nodes, self.mesh.grain_of_node, field, dt)
-        self._counted = float(c.mass @ (velocity**2).sum(axis=1))
+        kernels.carry_nodes(
+            state.x, state.u, state.v, self.mesh.x, c.nodes, c.offset, c.place, b.centre, b.axes,
+            c.at, c.velocity, dt,
+        )  # fmt: skip
+        largest_of_glued(moves, state.x, c.velocity, c.nodes, self.mesh.grain_of_node, field, dt)
         return moved
-
-    def _places(self):
-        """Positions of the nodes by where the bodies are [m], shape (n, 3). Local."""
-        b, c = self.bodies, self.carried
-        return b.centre[c.body] + np.einsum("nij,nj->ni", b.axes[c.body], c.place)
 
     def add_forces(self, f, state, dt):
         """Force and torque of each body from the nodal forces, which are taken. Local."""
@@ -212,13 +207,13 @@ class Dust(Constraint):
 
     def kick(self, mass, dt, damping):
         """Half a kick at the end of a step; as of the constraint. Local."""
-        b = self.bodies
+        b, c = self.bodies, self.carried
         lost = kernels.kick(
-            b.velocity, b.momentum, b.spin, b.force, b.torque, b.axes, b.mass, b.inertia,
-            self.carried.told, dt, damping,
+            b.velocity, b.momentum, b.spin, b.force, b.torque, b.axes, b.mass, b.inertia, c.told,
+            dt, damping,
         )  # fmt: skip
         scale = 1.0 / (1.0 + 0.5 * dt * damping)
-        return lost - dt * damping * scale**2 * self._counted
+        return lost - dt * damping * scale**2 * squares_of_glued(mass, c.velocity, c.nodes)
 
     def complete(self, state):
         """Velocities of all nodes by those of the bodies. Local."""
@@ -240,15 +235,16 @@ class Dust(Constraint):
         b, c = self.bodies, self.carried
         for k in np.unique(c.body[c.mass != mass[c.nodes]]):
             rows = slice(*c.offset[k : k + 2])
-            m, at = mass[c.nodes[rows]], c.place[rows] @ b.axes[k].T
-            b.mass[k], shift, b.inertia[k], b.turn[k] = _principal(at, m)
+            m, r = mass[c.nodes[rows]], c.place[rows] @ b.axes[k].T
+            b.mass[k], shift, b.inertia[k], b.turn[k] = _principal(r, m)
             b.axes[k] = _axes(b.turn[k])
-            c.place[rows], c.mass[rows] = (at - shift) @ b.axes[k], m
+            c.place[rows], c.mass[rows] = (r - shift) @ b.axes[k], m
             b.centre[k] += shift
             b.velocity[k] += np.cross(b.spin[k], shift)
             b.torque[k] -= np.cross(shift, b.force[k])
             b.momentum[k] = b.axes[k] @ (b.inertia[k] * (b.spin[k] @ b.axes[k]))
             c.reach[k] = np.sqrt((c.place[rows] ** 2).sum(axis=1).max())
+        kernels.places_of(c.at, c.offset, c.place, b.centre, b.axes)
 
     # --- growth, and what is kept ---------------------------------------------------------
 
