@@ -351,3 +351,9 @@ def test_what_a_wall_holds_is_no_dust():
 def test_wrong_numbers_are_one_line(dust, line):
     with pytest.raises(InputError, match=line):
         law(dust)
+
+
+def test_the_kinematic_law_is_refused():
+    s = build(ALONE, [CUBE], ELASTIC, (0, 0, 0), (2 * EDGE,) * 3, law="kinematic")
+    with pytest.raises(InputError, match='kinematic, expected "matched" with dust'):
+        Cracks(s.specimen, law(4))

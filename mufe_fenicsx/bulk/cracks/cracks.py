@@ -76,7 +76,8 @@ class Cracks(ForceTerm):
             FacetSearch, shape (num_cells,), and whether any were on some rank.
 
     Raises:
-        InputError: A grain is rigid, or there is a membrane; on all ranks.
+        InputError: A grain is rigid, there is a membrane, or dust beside the kinematic law; on all
+            ranks.
     """
 
     STATE = {"common": ("any", "watching", "_element_step"), "cells": ("near",)}
@@ -85,7 +86,7 @@ class Cracks(ForceTerm):
     opens = True
 
     def __init__(self, specimen, fracture):
-        raise_together(specimen.comm, _what_cannot_break(specimen))
+        raise_together(specimen.comm, _what_cannot_break(specimen, fracture))
         self.mesh, solid, self.fracture = specimen.mesh, specimen.solid, fracture
         self.facets = facets = Facets(self.mesh, solid.volume0)
         self.constraint = Dust(self.mesh, fracture.dust) if fracture.dust else None
@@ -476,9 +477,11 @@ class Cracks(ForceTerm):
         return sorted((e for some in found for e in some), key=lambda e: (e.time, e.grain))
 
 
-def _what_cannot_break(specimen):
+def _what_cannot_break(specimen, fracture):
     """The line for what keeps grains from breaking, or None. Local."""
     mesh = specimen.mesh
+    if fracture.dust and specimen.contact.layers.kinematic:
+        return 'normal law of contact = kinematic, expected "matched" with dust'
     if mesh.sleeves:
         return f"membrane {mesh.sleeves[0]} beside grains that break, expected none"
     for grain, material in zip(mesh.grains, specimen.solid.materials, strict=True):
