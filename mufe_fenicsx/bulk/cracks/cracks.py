@@ -150,9 +150,9 @@ class Cracks(ForceTerm):
             self.mesh, solid.volume0, opens, self._friction, self.near, self.strength,
             shear, solid.element == "averaged",
         )  # fmt: skip
-        self._nodes, area = facets.nodes(self.mesh, self.opened), facets.area[self.opened]
+        nodes, area = facets.nodes(self.mesh, self.opened), facets.area[self.opened]
         friction = self._friction[self.opened]
-        self._forces = CrackForces(self._nodes, area, friction, self.points, shear)
+        self._forces = CrackForces(nodes, area, friction, self.points, shear)
 
     def _areas(self, which):
         """Areas of points, three to an open facet [m²], shape (n,). Local."""
@@ -258,13 +258,13 @@ class Cracks(ForceTerm):
         if not self.any:
             return None
         which = np.flatnonzero(self.points["open"].ravel() > 0.0)
-        p, pair = self.points.ravel()[which], self._nodes.reshape(-1, 2, 3).swapaxes(1, 2)
+        p, pair = self.points.ravel()[which], self._forces.nodes.reshape(-1, 2, 3).swapaxes(1, 2)
         pair, area = pair.reshape(-1, 2)[which], self._areas(which)
         at, place = np.unique(pair, return_inverse=True)
         listed = SpringList.empty(which.size, 2)
         listed.nodes[:] = place.reshape(-1, 2)
         listed.share[:] = [1.0, -1.0]
-        sides = state.x[self._nodes].reshape(-1, 2, 3, 3)
+        sides = state.x[self._forces.nodes].reshape(-1, 2, 3, 3)
         x = sides.mean(axis=1)
         normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
         normal /= np.linalg.norm(normal, axis=1)[:, None]
@@ -376,7 +376,7 @@ class Cracks(ForceTerm):
         share = after.solid.mass / before.solid.mass[source]
         after.f -= share[:, None] * held[source]
         self.add_forces(after.f, new, 0.0)
-        sides = self._nodes.reshape(-1, 2, 3)
+        sides = self._forces.nodes.reshape(-1, 2, 3)
         apart = (sides[:, 0] != sides[:, 1]).ravel()
         which = np.flatnonzero(closed & apart)
         if not which.size:

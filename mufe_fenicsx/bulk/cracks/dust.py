@@ -32,7 +32,10 @@ class Bodies(NamedTuple):
 #: Shapes of a row of the last ones from ``mass`` on.
 ROWS = (), (3,), (3,), (4,), (3, 3), (3,), (3,), (3,), (3,), (3,)
 #: Columns of a checkpoint; axes follow from turns.
-KEPT = tuple(name for name in Bodies._fields if name not in ("grain", "axes"))
+KEPT = (
+    "piece", "lost", "mass", "inertia", "centre", "turn", "velocity", "momentum", "spin", "force",
+    "torque",
+)  # fmt: skip
 
 
 class Carried(NamedTuple):
