@@ -185,6 +185,8 @@ class Specimen(Stateful):
     def insert_term(self, term):
         """Put a term after those of users before it, without any look at it. Local."""
         self.terms.insert(self.terms.index(self.solid) + 1 + len(self.added_terms), term)
+        if term.constraint is not None:
+            self.terms.append(term.constraint)
 
     @property
     def any_rigid(self):
@@ -284,6 +286,8 @@ class Specimen(Stateful):
     def take_masses(self):
         """Follow a change of the nodal masses. Local."""
         self.free_mass = self.glued.free_mass(self.solid.mass)
+        for constraint in self.constraints:
+            constraint.take_masses(self.solid.mass)
 
     def speed_bound(self):
         """No node of this rank and no wall moves faster than this [m/s]. Local."""

@@ -145,6 +145,7 @@ class ForceTerm(Stateful):
     name = ""  #: of the term, in messages and in the energy balance
     mesh: Any = None  #: :class:`~mufe_fenicsx.mesh.GrainMesh` whose nodes it means; None: of any
     opens = False  #: whether it has facets open between cells, by :meth:`facets_to_open`
+    constraint: Any = None  #: :class:`Constraint` that comes and goes with it
 
     def begin_forces(self, f, state, dt):
         """First half: send what others need, add what needs no other rank. May be collective."""
@@ -255,6 +256,18 @@ class ForceTerm(Stateful):
                 with the forces of all others in ``after.f``.
         """
 
+    def settle(self, specimen, damping):
+        """Change the motion of what a growth has let loose, at its end. Local.
+
+        Args:
+            specimen: :class:`~mufe_fenicsx.specimen.Specimen` after the growth.
+            damping: That of the last step [1/s].
+
+        Returns:
+            Whether kinetic energy has changed, which :meth:`energy` has now.
+        """
+        return False
+
     def tables(self):
         """Tables that a checkpoint keeps: {name: {column: array}}, one row a thing. Local.
 
@@ -309,6 +322,9 @@ class Constraint(ForceTerm):
             Energy that the damping took in the step [J], less what other nodes count of it.
         """
         return 0.0
+
+    def take_masses(self, mass):
+        """Follow a change of the nodal masses [kg], shape (num_nodes,). Local."""
 
     def complete(self, state):
         """Bring positions and velocities of all nodes to the end of the last step. Local."""

@@ -104,6 +104,8 @@ def carry_over(old, new):
     _meet_anew(new, _came_loose(new.mesh, old.mesh), _faces_let_go(new))
     # What terms hand to contact there stays in the balance.
     sp.parted -= (apart - before)[0] + (_energies(new) - apart).sum()
+    if any([term.settle(sp, new.motion.damping) for term in sp.added_terms]):
+        new.motion.begin_steps(new.state.dt, new.motion.damping)
     old.contact.destroy()
     old.stable.destroy()
     old.specimen.terms.clear()  # of which that of contact refers back: arrays are freed at once

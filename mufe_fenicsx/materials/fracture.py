@@ -46,6 +46,9 @@ class Fracture:
         0.07, "-", "of what softens, over the critical one; less than 0.05 can gain energy",
         ge=0, lt=0.15,
     )  # fmt: skip
+    dust: int = setting(
+        0, "tetrahedra", "fragments of so many at most go on as rigid bodies; 0: none do", ge=0
+    )
 
     def __post_init__(self):
         check_keys(self)

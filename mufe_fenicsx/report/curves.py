@@ -33,7 +33,7 @@ SEEN = 1e-6
 #: Dents below this part of the plastic dissipation are not drawn; the data have them.
 SEEN_DENTS = 0.01
 #: What cracks dissipate.
-OF_CRACKS = ("cracks_fracture", "cracks_friction", "cracks_damping")
+OF_CRACKS = "cracks_fracture", "cracks_friction", "cracks_damping", "cracks_dust"
 #: Stages of a test that turns back that have an arrow.
 ARROWS = 8
 #: label, colour and line of each energy.
@@ -51,6 +51,7 @@ ENERGIES = {
     "cracks_stored": ("springs of cracks", style.SKY, "-."),
     "cracks_damping": ("damping in cracks", style.PINK, ":"),
     "cracks_opening": ("springs of cracks as they opened", style.GREY, "-."),
+    "cracks_dust": ("fragments that became rigid", style.BLACK, ":"),
 }
 #: Energy of a term whose parts are drawn instead.
 IN_PARTS = "energy_cracks"

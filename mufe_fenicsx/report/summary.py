@@ -99,6 +99,7 @@ def largest_values(history, last, at_zero=None):
                     ("Friction in cracks", "cracks_friction"),
                     ("Stored in springs of cracks", "cracks_stored"),
                     ("Damping in cracks", "cracks_damping"),
+                    ("Lost where fragments became rigid", "cracks_dust"),
                 )
                 if column in history
             ]

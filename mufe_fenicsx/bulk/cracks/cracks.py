@@ -15,6 +15,7 @@ from ...materials.fracture import IN_ZONE
 from ...materials.rigid import Rigid
 from ...state import ForceTerm
 from ...units import with_unit
+from .dust import Dust
 from .facets import Facets
 from .parting import first_tractions
 
@@ -76,7 +77,8 @@ class Cracks(ForceTerm):
             FacetSearch, shape (num_cells,), and whether any were on some rank.
 
     Raises:
-        InputError: A grain is rigid, or there is a membrane; on all ranks.
+        InputError: A grain is rigid, there is a membrane, or dust beside the kinematic law; on all
+            ranks.
     """
 
     STATE = {"common": ("any", "watching", "_element_step"), "cells": ("near",)}
@@ -85,9 +87,10 @@ class Cracks(ForceTerm):
     opens = True
 
     def __init__(self, specimen, fracture):
-        raise_together(specimen.comm, _what_cannot_break(specimen))
+        raise_together(specimen.comm, _what_cannot_break(specimen, fracture))
         self.mesh, solid, self.fracture = specimen.mesh, specimen.solid, fracture
         self.facets = facets = Facets(self.mesh, solid.volume0)
+        self.constraint = Dust(self.mesh, fracture.dust) if fracture.dust else None
         self._E = np.array([m.E for m in solid.materials])[facets.grain]
         self._solid, grain = solid, self.mesh.grains[facets.grain]
         self.strength = self.drawn()
@@ -139,6 +142,8 @@ class Cracks(ForceTerm):
     def _follow(self, solid):
         """Take nodes and cells of the mesh as they are now. Local."""
         self._solid, facets, shear = solid, self.facets, self.fracture.shear_ratio
+        if self.constraint is not None:
+            self.strength[self.constraint.inside(facets.across)] = np.inf
         self._softer = self._softened()
         front = facets.touch(self.opened[self._softer])
         opens = self.strength * np.where(front, BESIDE, 1.0)
@@ -146,9 +151,9 @@ class Cracks(ForceTerm):
             self.mesh, solid.volume0, opens, self._friction, self.near, self.strength,
             shear, solid.element == "averaged",
         )  # fmt: skip
-        self._nodes, area = facets.nodes(self.mesh, self.opened), facets.area[self.opened]
+        nodes, area = facets.nodes(self.mesh, self.opened), facets.area[self.opened]
         friction = self._friction[self.opened]
-        self._forces = CrackForces(self._nodes, area, friction, self.points, shear)
+        self._forces = CrackForces(nodes, area, friction, self.points, shear)
 
     def _areas(self, which):
         """Areas of points, three to an open facet [m²], shape (n,). Local."""
@@ -244,24 +249,28 @@ class Cracks(ForceTerm):
 
     def energy(self, state):
         """Stored and lost in open facets [J]. Local."""
-        return float(self._forces.energies(state.x).sum())
+        total = float(self._forces.energies(state.x).sum())
+        return total if self.constraint is None else total + self.constraint.energy(state)
 
     def parts_of_energy(self, state):
         """What of that is stored, and where the rest went [J], by name. Local."""
-        return dict(zip(ENERGIES, self._forces.energies(state.x), strict=True))
+        parts = dict(zip(ENERGIES, self._forces.energies(state.x), strict=True))
+        if self.constraint is not None:
+            parts["dust"] = self.constraint.energy(state)
+        return parts
 
     def springs(self, state, margin):
         """Springs of points that are pressed or can be, as stiff as they are now. Collective."""
         if not self.any:
             return None
         which = np.flatnonzero(self.points["open"].ravel() > 0.0)
-        p, pair = self.points.ravel()[which], self._nodes.reshape(-1, 2, 3).swapaxes(1, 2)
+        p, pair = self.points.ravel()[which], self._forces.nodes.reshape(-1, 2, 3).swapaxes(1, 2)
         pair, area = pair.reshape(-1, 2)[which], self._areas(which)
         at, place = np.unique(pair, return_inverse=True)
         listed = SpringList.empty(which.size, 2)
         listed.nodes[:] = place.reshape(-1, 2)
         listed.share[:] = [1.0, -1.0]
-        sides = state.x[self._nodes].reshape(-1, 2, 3, 3)
+        sides = state.x[self._forces.nodes].reshape(-1, 2, 3, 3)
         x = sides.mean(axis=1)
         normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
         normal /= np.linalg.norm(normal, axis=1)[:, None]
@@ -289,8 +298,11 @@ class Cracks(ForceTerm):
         return np.clip(part, 0.0, 1.0)
 
     def _holds(self):
-        """Whether a point of each open facet is still whole, or softens. Local."""
-        return (self._spent() < 1.0).any(axis=1)
+        """Whether a point of each open facet is still whole, or softens, or is in dust. Local."""
+        holds = (self._spent() < 1.0).any(axis=1)
+        if self.constraint is not None:
+            holds |= self.constraint.inside(self.facets.across[self.opened])
+        return holds
 
     def opened_and_failed(self):
         """As of the term: a point that has failed counts for a third of its facet. Local."""
@@ -330,10 +342,28 @@ class Cracks(ForceTerm):
         across = 6 - self.facets.corners[which].sum(axis=2, dtype=np.int64)  # from the facet
         return 4 * self.facets.across[which] + across, *self._forces.leave(rows, state.x)
 
+    def settle(self, specimen, damping):
+        """Make dust of small pieces, whose facets neither open nor bear any more. Local."""
+        if self.constraint is None:
+            return False
+
+        def inner(of_cell, num):
+            held, (one, other) = np.zeros(num), of_cell[self.facets.across[self.opened]].T
+            for row in np.flatnonzero((one == other) & (one >= 0)):
+                held[one[row]] += self._forces.leave(np.array([row]), specimen.state.x)[1]
+            return held
+
+        found = self.constraint.take(specimen, damping, inner)
+        if found:
+            self._follow(specimen.solid)
+        return found
+
     # --- growth ---------------------------------------------------------------------------
 
     def grow(self, mesh, share):
-        """Wait for :meth:`part`. Local."""
+        """Wait for :meth:`part`, but for dust. Local."""
+        if self.constraint is not None:
+            self.constraint.grow(mesh, share)
 
     def part(self, before, after):
         """Points whose node has parted bear what holds its parts together. Local.
@@ -352,7 +382,7 @@ class Cracks(ForceTerm):
         share = after.solid.mass / before.solid.mass[source]
         after.f -= share[:, None] * held[source]
         self.add_forces(after.f, new, 0.0)
-        sides = self._nodes.reshape(-1, 2, 3)
+        sides = self._forces.nodes.reshape(-1, 2, 3)
         apart = (sides[:, 0] != sides[:, 1]).ravel()
         which = np.flatnonzero(closed & apart)
         if not which.size:
@@ -408,7 +438,8 @@ class Cracks(ForceTerm):
         f, rows = self.facets, self.opened
         names = {"cell": f.name[rows, 0], "across": f.name[rows, 1]}
         points = {name: self.points[name].copy() for name in POINT.names}
-        return {"facets": {"grain": self.mesh.grains[f.grain[rows]]} | names | points}
+        found = {"facets": {"grain": self.mesh.grains[f.grain[rows]]} | names | points}
+        return found if self.constraint is None else found | self.constraint.tables()
 
     def load_tables(self, tables):
         """Become what :meth:`tables` told. Collective."""
@@ -422,6 +453,8 @@ class Cracks(ForceTerm):
             self.points[name] = table[name][order]
         self.strength[rows] = np.inf
         self.any = self.mesh.comm.allreduce(rows.size) > 0
+        if self.constraint is not None:
+            self.constraint.load_tables(tables)
         self._follow(self._solid)
 
     def _note(self, rows, state):
@@ -450,9 +483,11 @@ class Cracks(ForceTerm):
         return sorted((e for some in found for e in some), key=lambda e: (e.time, e.grain))
 
 
-def _what_cannot_break(specimen):
+def _what_cannot_break(specimen, fracture):
     """The line for what keeps grains from breaking, or None. Local."""
     mesh = specimen.mesh
+    if fracture.dust and specimen.contact.layers.kinematic:
+        return 'normal law of contact = kinematic, expected "matched" with dust'
     if mesh.sleeves:
         return f"membrane {mesh.sleeves[0]} beside grains that break, expected none"
     for grain, material in zip(mesh.grains, specimen.solid.materials, strict=True):

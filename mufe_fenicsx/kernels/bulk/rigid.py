@@ -128,6 +128,42 @@ def place_nodes(x, u, x0, nodes, offset, place, centre, axes):
 
 
 @numba.njit(cache=True)
+def places_of(at, offset, place, centre, axes):
+    """Positions of the nodes of the bodies [m], as of :func:`place_nodes`, into ``at``, (n, 3)."""
+    for b in range(centre.shape[0]):
+        R = axes[b]
+        for k in range(offset[b], offset[b + 1]):
+            for i in range(3):
+                at[k, i] = centre[b, i] + (
+                    R[i, 0] * place[k, 0] + R[i, 1] * place[k, 1] + R[i, 2] * place[k, 2]
+                )
+
+
+@numba.njit(cache=True)
+def carry_nodes(x, u, v, x0, nodes, offset, place, centre, axes, before, velocity, dt):
+    """Positions, displacements and mean velocities in a step of the nodes of bodies, in place.
+
+    Args:
+        v: Velocities of all nodes [m/s], shape (num_nodes, 3).
+        before: Positions of those of the bodies before the step, and after it on return, (n, 3).
+        velocity: Their mean velocities in it [m/s], in place, shape (n, 3).
+        dt: Length of the step [s].
+        others: As of :func:`place_nodes`.
+    """
+    for b in range(centre.shape[0]):
+        R = axes[b]
+        for k in range(offset[b], offset[b + 1]):
+            n = nodes[k]
+            for i in range(3):
+                new = centre[b, i] + (
+                    R[i, 0] * place[k, 0] + R[i, 1] * place[k, 1] + R[i, 2] * place[k, 2]
+                )
+                velocity[k, i] = v[n, i] = (new - before[k, i]) / dt
+                x[n, i] = before[k, i] = new
+                u[n, i] = new - x0[n, i]
+
+
+@numba.njit(cache=True)
 def clear(f, nodes):
     """Set the rows of ``f`` at ``nodes`` to zero."""
     for n in nodes:

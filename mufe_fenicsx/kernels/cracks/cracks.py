@@ -55,7 +55,8 @@ class CrackForces:
     """
 
     def __init__(self, nodes, area, friction, points, shear):
-        self._num, self._shear, self._found = len(nodes), shear, np.zeros(len(ENERGIES))
+        self.nodes, self._num, self._shear = nodes, len(nodes), shear
+        self._found = np.zeros(len(ENERGIES))
         real = np.float64
         self._pointers = Pointers(
             (nodes, np.int32), (area, real), (friction, real), (points, POINT)

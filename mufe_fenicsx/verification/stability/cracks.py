@@ -68,13 +68,13 @@ def strength_of_bar(comm, slope, pull, friction=0.0, shear_ratio=2.0, speed=0.05
             return most, s
 
 
-def burst(comm, cubes=2, rate=2e6):
+def burst(comm, cubes=2, rate=2e6, dust=0):
     """Sizes of the pieces of a block that flies apart over an edge of its bricks; simulation."""
     s = build(
         comm, [box((cubes * EDGE,) * 3, (cubes,) * 3)], Elastic(E, 0.2, RHO), (0, 0, 0), (0, 0, 0),
         axes="", velocity=lambda x, _grain: rate * (x - 0.5 * cubes * EDGE),
     )  # fmt: skip
-    s.add_term(Cracks(s.specimen, Fracture(STRENGTH, 3.0 * EDGE * STRENGTH**2 / E)))
+    s.add_term(Cracks(s.specimen, Fracture(STRENGTH, 3.0 * EDGE * STRENGTH**2 / E, dust=dust)))
     while s.state.t < 20.0 / rate and (s.mesh.num_pieces < s.mesh.num_cells).all():
         s.step(everywhere=False)
     piece = s.mesh.piece_of_cell
@@ -82,7 +82,9 @@ def burst(comm, cubes=2, rate=2e6):
 
 
 @case("stability-cracks", num_bodies=1)
-def cracks_limits(comm, tilt=30.0, friction=0.6, shear_ratio=2.0, cubes=2, rate=2e6, steps=6000):
+def cracks_limits(
+    comm, tilt=30.0, friction=0.6, shear_ratio=2.0, cubes=2, rate=2e6, dust=0, steps=6000
+):
     """How paths along facets, dust and a lack of the dashpot fail.
 
     A bar whose layers of bricks are tilted breaks along them, not straight across. A pressed bar
@@ -96,13 +98,14 @@ def cracks_limits(comm, tilt=30.0, friction=0.6, shear_ratio=2.0, cubes=2, rate=
         friction, shear_ratio: μ, β.
         cubes: Bricks along the edges of the block that flies apart.
         rate: Of its strain [1/s].
+        dust: Tetrahedra of its pieces that go on as rigid bodies.
         steps: Of damaged blocks.
     """
     straight, *simulations = strength_of_bar(comm, 0.0, 1.0, 0.0, shear_ratio)
     angle = np.radians(tilt)
     tilted, s = strength_of_bar(comm, np.tan(angle), 1.0, 0.0, shear_ratio)
     pressed, p = strength_of_bar(comm, 0.0, -1.0, friction, shear_ratio, speed=0.3)
-    sizes, b = burst(comm, cubes, rate)
+    sizes, b = burst(comm, cubes, rate, dust)
     weakest = compressive_strength(shear_ratio, friction)
     slips = compression_on_plane(np.pi / 4, shear_ratio, friction) / weakest
     results = {
