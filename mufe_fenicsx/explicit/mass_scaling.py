@@ -24,9 +24,9 @@ longest step that meets both, or the one asked for if that is shorter. A grain t
 pieces has no bound of its own, unless one is stated: else the first one would keep all steps short.
 
 Where grains break, springs of cracks shorten the step to a fourth. What was added before for a
-longer one would be of no use then: nothing is added at the start, t is the step of the worst
-element of then at most, and each addition takes half of what is left at most, for there are further
-cracks.
+longer one would be of no use then: nothing is added at the start, t is at most half of the step of
+the worst element of then, and each addition takes half of what is left at most, for there are
+further cracks.
 
 Added mass never goes away. Where mass is added later to nodes that move, they keep their
 velocities; the kinetic energy that this takes is booked as negative damping.
@@ -52,6 +52,9 @@ from ..state import Stateful
 ASSEMBLED = 1.5
 #: The wanted step is looked for to this part of itself; the share grows some ten times as fast.
 RESOLVED = 1e-5
+#: What is held of the step of the worst element where grains break. Nodes of small pieces ask for mass
+#: as the square of the step: of 200 balls at a strain of 0.008 for 2.4 %, with the whole for 16 %.
+HELD = 0.5
 #: Mass is adjusted when the stable step falls below this part of what it was.
 FALLEN = 0.95
 
@@ -149,7 +152,7 @@ class MassScaling(Stateful):
         most, most_of_a_grain = s.added, self._most_of_a_grain()
         if self.hold:
             if not self.wanted:
-                self.wanted = worst if s.time_step is None else s.time_step
+                self.wanted = HELD * worst if s.time_step is None else s.time_step
                 return False
             high, most = min(high, self.wanted), 0.5 * (s.added + self.shares()[0])
         if not 0.0 < low < high:
