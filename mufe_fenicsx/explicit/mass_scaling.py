@@ -20,8 +20,9 @@ a given speed grows by 1 + a_g.
 Two bounds hold at all times: added mass over the mass of all grains, and that of each grain over
 its own, or over that of a mean grain if it is lighter. For a shaving, which the border of an image
 cuts off, bears forces like its neighbours: what its inertia adds is measured by theirs. t is the
-longest step that meets both, or the one asked for if that is shorter. A grain that breaks into small
-pieces has no bound of its own, unless one is stated: else the first one would keep all steps short.
+longest step that meets both, or the one asked for if that is shorter. A grain that breaks into
+small pieces has no bound of its own, unless one is stated: else the first would keep all steps
+short.
 
 Where grains break, springs of cracks shorten the step to a fourth. What was added before for a
 longer one would be of no use then: nothing is added at the start, t is at most half of the step of
@@ -52,8 +53,8 @@ from ..state import Stateful
 ASSEMBLED = 1.5
 #: The wanted step is looked for to this part of itself; the share grows some ten times as fast.
 RESOLVED = 1e-5
-#: What is held of the step of the worst element where grains break. Nodes of small pieces ask for mass
-#: as the square of the step: of 200 balls at a strain of 0.008 for 2.4 %, with the whole for 16 %.
+#: What is held of the step of the worst element where grains break. Nodes of small pieces ask for
+#: mass as the square of it: of 200 balls at a strain of 0.008 for 2.4 %, with the whole for 16 %.
 HELD = 0.5
 #: Mass is adjusted when the stable step falls below this part of what it was.
 FALLEN = 0.95

@@ -299,7 +299,7 @@ class MassScaling:
     )  # fmt: skip
     time_step: float | None = setting(
         None, "s",
-        "of a single element, wanted; None: what is allowed, with [fracture] half of the worst one's",
+        "of a single element, wanted; None: what is allowed, with [fracture] half the worst one's",
         gt=0,
     )  # fmt: skip
 

@@ -105,10 +105,10 @@ def test_nodes_that_walls_hold_get_the_mass_that_their_springs_want():
 
 @pytest.mark.mpi
 def test_mass_is_kept_for_what_comes_later():
-    """None at the start; then up to half the step of the worst element, half of what is left each
-    time. A single grain may have more than its own mass, unless a bound is stated.
+    """None at the start; then up to half of the worst element's step, half of what is left a time.
 
-    Springs of 1e4 times their stiffness want more than there is, of twice theirs no more than that.
+    A single grain may have more than its own mass, unless a bound is stated. Springs of 1e4 times
+    their stiffness want more than there is, of twice theirs no more than that.
     """
     s = held_blocks(mass_scaling=MassScaling(0.1, 1.0), hold_step=True)
     scaling, nodes = s.scaling, np.arange(s.mesh.num_nodes)
