@@ -35,16 +35,15 @@ class Event(NamedTuple):
 #: Columns of :meth:`Cracks.strengths_of_grains`: label, volume [m³], facets that may open, and the
 #: least, the median and the largest of their strengths [Pa].
 STRENGTHS = ("grain", "volume", "num_facets", "least", "median", "largest")
-#: Steps from one look at all cells to the next. Facets near their strength are looked at once a
-#: stable step of single elements.
-STEPS_BETWEEN_WATCHES = 4
+#: Steps from one look at all cells to the next; facets near their strength are looked at in each.
+STEPS_BETWEEN_LOOKS = 4
 #: Facets beside those that soften open at this part of their strength: nodes at a front of cracks
 #: bear more than means of cells tell. They soften where their points reach the strength.
 BESIDE = 0.55
 #: Steps from one growth to the next of facets that only those beside them let open, and the least
-#: of stable steps of single elements. At twice the time a crack takes 11 % less energy than its own
-#: (`mufe verify cracked-strip`).
-STEPS_BETWEEN_GROWTHS, LEAST_BETWEEN_GROWTHS = 32, 12
+#: length of such a step over that of single elements: of shorter ones it takes more. At twice the
+#: time a crack takes 11 % less energy than its own (`mufe verify cracked-strip`).
+STEPS_BETWEEN_GROWTHS, LEAST_STEP = 32, 0.375
 #: Steps from one look for pieces that come loose to the next.
 STEPS_BETWEEN_PIECES = 40
 #: Least stiffness of a point over E/h of the cells beside it.
@@ -166,13 +165,8 @@ class Cracks(ForceTerm):
 
     def facets_to_open(self, state):
         """As of the term; none, of shape (0, 2), where pieces may have come loose. Collective."""
-        element_steps = self._element_step / state.dt if state.dt else 1.0
-        every = max(1, round(element_steps))
-        look, between = divmod(state.num_steps, every)
-        if between:
-            return self._look_for_pieces(state)
         stress = state.deviator, self._solid.pressure
-        if not look % max(1, STEPS_BETWEEN_WATCHES // every):
+        if not state.num_steps % STEPS_BETWEEN_LOOKS:
             if self.opened.size and (self._softened() != self._softer).any():
                 self._follow(self._solid)
             self._search.watch(*stress, state.x)
@@ -180,8 +174,8 @@ class Cracks(ForceTerm):
         if not self.watching:
             return self._look_for_pieces(state)
         rows, now = self._search(*stress, state.x)
-        steps = max(STEPS_BETWEEN_GROWTHS, LEAST_BETWEEN_GROWTHS * element_steps)
-        waits = look % round(steps / every)
+        shorter = LEAST_STEP * self._element_step / state.dt if state.dt else 1.0
+        waits = state.num_steps % (STEPS_BETWEEN_GROWTHS * max(1, round(shorter)))
         if not self.mesh.comm.allreduce(now if waits else rows.size):
             return self._look_for_pieces(state)
         self.news = True
