@@ -7,8 +7,8 @@ import numpy as np
 from ..errors import InputError
 from ..units import REQUIRED, check_keys, setting
 
-#: Edges that a cohesive zone wants: with 5, 4 and 3 the energy of a crack in a strip of 40 is 7, 33
-#: and above 74 % too high (`mufe verify cracked-strip --set zone=…`).
+#: Edges that a cohesive zone wants: with 5 and 3 the energy of a crack in a strip of 40 is 7 and
+#: above 74 % too high (`mufe verify cracked-strip --set zone=…`).
 IN_ZONE = 5.0
 
 
