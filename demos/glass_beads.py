@@ -13,8 +13,6 @@ the start:
 """
 
 import argparse
-import subprocess
-import sys
 from pathlib import Path
 
 import mufe_fenicsx as mufe  # first: one BLAS thread, the wheel's MPI
@@ -25,6 +23,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from command import call
 from mpi4py import MPI
 
 from mufe_fenicsx.results.reference_curves import (
@@ -80,12 +79,6 @@ def sample(folder, given):
     """Mesh the middle of a packing of spheres in a folder, unless it is there."""
     if (folder / "grains").is_dir():
         return
-
-    def call(*words):
-        done = subprocess.run([sys.executable, "-m", "mufe_fenicsx", *map(str, words)])
-        if done.returncode:  # it has said why, in a line
-            sys.exit(done.returncode)
-
     call("pack", "--spheres", "--count", given.count, "--d50", "1 mm", "--uniformity", 1.1,
          "--friction", given.packing_friction, "--void-ratio", given.void_ratio,
          "--seed", given.seed, "--voxel-size", "25 um", "--cut", 1,

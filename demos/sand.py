@@ -20,7 +20,6 @@ The same command goes on where it was stopped, and FOLDER/sand.csv has a row a t
 import argparse
 import csv
 import itertools
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +32,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from command import call
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 #: Karlsruhe fine sand, numbers from Wichtmann & Triantafyllidis, Acta Geotechnica 11, 2016,
@@ -103,13 +103,6 @@ TOLD = (0.28e6, 0.5e6, 1e6, 2.7e6)
 REVERSES_AT = 0.28
 
 
-def call(*words):
-    """A command of the program, which ends this one where it fails."""
-    done = subprocess.run([sys.executable, "-m", "mufe_fenicsx", *map(str, words)])
-    if done.returncode:  # it has said why, in a line
-        sys.exit(done.returncode)
-
-
 def keep(path, text, made):
     """Write what something is made of, unless it was made of something else before."""
     if made.exists() and path.is_file() and path.read_text(encoding="utf-8") != text:
@@ -152,9 +145,8 @@ def scene_of(name, grains, stress, given):
     speed = given.shear_speed if shear else given.speed
     size = given.soft_contact if shear else given.contact
     more = f"contact_radius = {size}" if given.model == "rigid" else "[mass_scaling]\nadded = 0.2"
-    largest = REVERSES_AT if name == "reversal" else given.largest
     last = {"triaxial": SHEAR, "oedometer": COMPRESSION, "reversal": REVERSAL}[name].format(
-        speed=speed, largest=largest, back=0.8 * largest, strain=given.strain
+        speed=speed, largest=given.largest, back=0.8 * given.largest, strain=given.strain
     )
     return SCENE.format(
         test=name, grains=grains, model=given.model, more=more, friction=given.friction,
@@ -250,6 +242,12 @@ def of_reversal(run):
     }, None
 
 
+def up_to(history, largest):
+    """Rows of a test up to a stress [MPa]: beyond it walls still brake."""
+    beyond = np.flatnonzero(history["stress_z"] > 1e6 * largest)
+    return history.iloc[: beyond[0]] if beyond.size else history
+
+
 def of_compression(history):
     """Numbers of an oedometer test, by name, and its curves."""
     columns = ["strain_z", "stress_z", "void_ratio", "stress_x", "stress_y"]
@@ -309,13 +307,13 @@ def draw(curves, rows, path):
     for (friction, _seed, name, stress), c in curves.items():
         first = name == "oedometer" and stress == min(s for *_, n, s in curves if n == name)
         look = {"color": f"C{frictions.index(friction)}", "lw": 1, "ls": "-" if first else "--"}
+        label = f"packed with friction {friction:g}"
         if name == "triaxial":
             look["ls"] = "-"
-            label = f"packed with friction {friction:g}"
             ratio.plot(100 * c["strain"], c["ratio"], label=label, **look)
             volume.plot(100 * c["whole"], 100 * c["volume"], **look)
             continue
-        e.semilogx(c["stress"] / 1e6, c["e"], **look)
+        e.semilogx(c["stress"] / 1e6, c["e"], label=label if first else None, **look)
         modulus.loglog(c["at"] / 1e6, c["slopes"] / 1e6, **look)
         grid, smooth = means(np.log(c["stress"] / c["stress"][0]), c["k0"], 0.2)
         k0.semilogx(c["stress"][0] * np.exp(grid) / 1e6, smooth, **look)
@@ -329,7 +327,9 @@ def draw(curves, rows, path):
         np.full(len(TRIAXIAL), 20.0), 100 * TRIAXIAL[:, 3], "k.", label="laboratory, whole test"
     )
     volume.legend(frameon=False)
-    ratio.legend(frameon=False, loc="lower right", fontsize="small")
+    for axes in (e, ratio):
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(frameon=False, loc="lower right", fontsize="small")
     for row in rows:
         if row["test"] == "triaxial":
             color = f"C{frictions.index(row['packing_friction'])}"
@@ -377,7 +377,23 @@ def parsed(arguments=None):
     add("--reversal", action="store_true",
         help=f"turn back the oedometer after {REVERSES_AT} MPa, alone")  # fmt: skip
     add("--figure", help="file that a figure is saved to")
-    return parser.parse_args(arguments)
+    given = parser.parse_args(arguments)
+    given.largest = REVERSES_AT if given.reversal else given.largest
+    for name, value, wanted, holds in (
+        ("count", given.count, "> 3", given.count > 3),
+        ("edges", given.edges, "> 0", given.edges > 0),
+        ("edges-at-contacts", given.edges_at_contacts, "> 0", given.edges_at_contacts > 0),
+        ("apart", given.apart, "0 to 0.2", 0 <= given.apart <= 0.2),
+        ("start", max(given.start, default=0.0), f"less than the largest stress, {given.largest:g}",
+         max(given.start, default=0.0) < given.largest),
+        ("pressure", min(given.pressure, default=1.0), "> 0", min(given.pressure, default=1.0) > 0),
+        ("strain", given.strain, "0 to 0.4", 0 < given.strain <= 0.4),
+    ):  # fmt: skip
+        if not holds:
+            parser.error(f"--{name} = {value:g}, expected {wanted}")
+    if given.figure and Path(given.figure).suffix not in (".png", ".pdf", ".svg"):
+        parser.error(f"--figure = {given.figure}, expected a name ending in .png, .pdf or .svg")
+    return given
 
 
 if __name__ == "__main__":
@@ -398,6 +414,8 @@ if __name__ == "__main__":
             numbers, curve = of_reversal(run)
         else:
             rows_of_test = run.history[run.history["stage"] == "test"]
+            if not shear:
+                rows_of_test = up_to(rows_of_test, given.largest)
             numbers, curve = (of_shear if shear else of_compression)(rows_of_test)
             numbers |= at_contacts(rows_of_test)
         head = {"packing_friction": friction, "seed": seed, "test": name, "start_MPa": stress}

@@ -6,6 +6,7 @@ import runpy
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
@@ -22,9 +23,9 @@ from tests.made_up_run import write_whole_run
 DEMOS = Path(__file__).resolve().parents[1] / "demos"
 
 
-#: All but the one without arguments, which is tested below.
+#: All but the one without arguments, which is tested below, and what some of them import.
 NO_ARGUMENTS = "drucker_prager"
-WITH_ARGUMENTS = sorted({path.stem for path in DEMOS.glob("*.py")} - {NO_ARGUMENTS})
+WITH_ARGUMENTS = sorted({path.stem for path in DEMOS.glob("*.py")} - {NO_ARGUMENTS, "command"})
 
 
 @pytest.mark.parametrize("name", WITH_ARGUMENTS)
@@ -75,6 +76,16 @@ def import_demo(name):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def test_a_demo_that_is_stopped_waits_for_its_run(monkeypatch):
+    """Which keeps a checkpoint before it ends, and has said so."""
+    process = Mock(wait=Mock(side_effect=[KeyboardInterrupt, 130]))
+    command = import_demo("command")
+    monkeypatch.setattr(command.subprocess, "Popen", lambda words: process)
+    with pytest.raises(SystemExit) as end:
+        command.call("run", "scene.toml")
+    assert end.value.code == 130 and process.wait.call_count == 2
 
 
 def test_order_and_limit_of_stresses_on_three_meshes():
