@@ -12,7 +12,7 @@ of Hertz's law at one size; in the triaxial test they are softer, for longer tim
 
     python demos/sand.py FOLDER --figure sand.png           hours of a processor
     python demos/sand.py FOLDER --seed 1 2 3                more packings of each density
-    python demos/sand.py FOLDER --reversal              stiffness at small strains, alone
+    python demos/sand.py FOLDER --reversal                  stiffness at small strains, alone
 
 The same command goes on where it was stopped, and FOLDER/sand.csv has a row a test.
 """

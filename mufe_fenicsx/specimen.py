@@ -31,7 +31,7 @@ from .errors import (
 )
 from .loading.gravity import Gravity
 from .materials.elastic import IsotropicSolid
-from .state import Constraint, ForceTerm, Stateful, initial_state
+from .state import ForceTerm, Stateful, initial_state
 
 
 class Specimen(Stateful):
@@ -59,6 +59,7 @@ class Specimen(Stateful):
         f: Sum of all forces on the nodes [N], shape (num_nodes, 3).
         terms: All forces, :class:`~mufe_fenicsx.state.ForceTerm`, in the order in which they act.
             What moves the specimen puts that of contact first.
+        constraints: Of the terms the last ones, :class:`~mufe_fenicsx.state.Constraint`.
         free_mass: Nodal masses [kg] without those of glued nodes, shape (num_nodes,).
         tools: :class:`~mufe_fenicsx.bulk.tools.Tools`.
     """
@@ -99,8 +100,7 @@ class Specimen(Stateful):
         grains = ContactGrains(
             solid.contact_modulus, solid.tangential_ratio, solid.mass,
             self.rigid.layers(materials), solid.edge_compliance,
-            tuple(material.yield_table() for material in materials),
-            self.state.plastic_strain,
+            tuple(material.yield_table() for material in materials), self.state.plastic_strain,
         )  # fmt: skip
         self.contact = Contact(mesh, mesh.x, walls, grains, settings, before and before.contact)
         kinematic = self.contact.layers.kinematic
@@ -111,7 +111,8 @@ class Specimen(Stateful):
         check_rigid(self.comm, self.rigid, self.glued.nodes, kinematic, mass_factor)
         self.tools = Tools(mesh, tools, self.rigid)
         constraints = self.glued, self.mirrors, self.rigid, self.tools
-        self.terms = [solid, *(term for term in constraints if term.any)]
+        self.constraints = [term for term in constraints if term.any]
+        self.terms = [solid, *self.constraints]
         self.free_mass = self.glued.free_mass(solid.mass)
         self._begin_motion(velocity)
         self.damping = _not_negative("damping", damping)
@@ -187,6 +188,7 @@ class Specimen(Stateful):
         self.terms.insert(self.terms.index(self.solid) + 1 + len(self.added_terms), term)
         if term.constraint is not None:
             self.terms.append(term.constraint)
+            self.constraints.append(term.constraint)
 
     @property
     def any_rigid(self):
@@ -209,11 +211,6 @@ class Specimen(Stateful):
             **self.contact.parts,
             **{f"term_{term.name}": term for term in self.added_terms},
         }
-
-    @property
-    def constraints(self):
-        """Of the terms the last ones, :class:`~mufe_fenicsx.state.Constraint`."""
-        return tuple(term for term in self.terms if isinstance(term, Constraint))
 
     @property
     def added_terms(self):

@@ -23,6 +23,7 @@ class Motion(Stateful):
 
     def __init__(self, specimen):
         self._specimen = specimen
+        self.constraints = specimen.constraints  #: which move what is theirs
         self._kick_and_drift = KickAndDrift()
         self.damping = 0.0  #: that of the last step [1/s]
         self.largest = 0.0  #: largest motion of a node or a wall in this step [m]
@@ -32,11 +33,6 @@ class Motion(Stateful):
         # Of each grain, beside a field that fits all velocities; those of rigid ones stay unknown.
         self._moves = np.full(specimen.mesh.num_grains, np.inf)
         self.set_field(np.zeros((4, 3)))
-
-    @property
-    def constraints(self):
-        """Those that move what is theirs."""
-        return self._specimen.constraints
 
     def set_field(self, field):
         """Measure the motion of grains beside another velocity field, as in kernels.bulk.motion."""

@@ -32,8 +32,8 @@ def cracked_strip(comm, height=40, zone=8.0, passes=160.0, damping=0.3, shear_ra
         comm: MPI communicator.
         height: Bricks across the strip, even.
         zone: Cohesive zone E G/σ² in bricks: a third of the height would break the whole strip.
-        passes: Time of the pull in which waves cross the strip so many times. While the crack runs
-            the pull goes on: half of them cost 2 % more.
+        passes: Time of the pull, in which waves cross the strip so many times. It goes on while
+            the crack runs: a pull of half the time gives 2 to 4 % more.
         damping: Of all motion, in passes of a wave through the strip.
         shear_ratio: β.
     """

@@ -112,7 +112,7 @@ def test_constraints_are_asked_in_turn_and_back():
     """A step leaves the state halfway; one door brings it to the end, once."""
     s, asked = collision(friction=0.0), []
     before = s.kinetic_energy()
-    s.specimen.terms += Asked(1, asked), Asked(2, asked)
+    s.specimen.constraints += Asked(1, asked), Asked(2, asked)
     assert s.kinetic_energy() == before + 10.0 and not asked
     s.step(everywhere=False)
     assert asked == [("drift", 1), ("drift", 2), ("kick", 2), ("kick", 1)]
